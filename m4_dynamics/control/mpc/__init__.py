@@ -1,0 +1,1 @@
+"""QP-linearised model predictive control of the pendulum (paper, section IV)."""

@@ -1,0 +1,1 @@
+"""The full-body model on compliant ground (paper, section III-A)."""

@@ -1,0 +1,1 @@
+"""The planar mobile inverted pendulum, its ground forces and trims (paper, sections III-B and III-C)."""

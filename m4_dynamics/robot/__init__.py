@@ -1,0 +1,1 @@
+"""Robot description: URDF + SRDF + TOML in, one `Robot` out."""

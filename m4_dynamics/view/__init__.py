@@ -1,0 +1,1 @@
+"""Trajectory in, picture out: scene, plots, tables of figures."""
