@@ -79,7 +79,7 @@ def check_state(model: FullModel, q: ArrayLike, v: ArrayLike) -> tuple[Array, Ar
 def mass_matrix(model: FullModel, q: ArrayLike) -> Array:
     """Joint-space inertia M(q), shape (nv, nv), symmetric (composite rigid body algorithm)."""
     configuration, _ = check_state(model, q, np.zeros(model.robot.model.nv))
-    upper = np.triu(pin.crba(model.robot.model, model.data, configuration))
+    upper: Array = np.triu(pin.crba(model.robot.model, model.data, configuration))
     return upper + np.triu(upper, 1).T
 
 

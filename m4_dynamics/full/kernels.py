@@ -543,7 +543,7 @@ def implicit_step(
     displacement: Any, servo_torque: Any, wheel_force: Any, wheel_contact: Any, point_force: Any, statistics: Any,
     counters: Any,
 ) -> None:  # fmt: skip
-    """One step, implicit in contact forces, servo gains and back-EMF (DESIGN: Delassus operator, Newton, TAMSI limiter).
+    """One step, implicit in contact forces, servo gains and back-EMF: Delassus operator, Newton with a step limiter.
 
     (M + dt K_d + dt^2 K_p) v+ = M v + dt (tau - h) + dt J_c^T f_c(v+), and q+ = q (+) dt v+.
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from m4_dynamics.errors import M4Error, RobotDescriptionError
 from m4_dynamics.full import kernels
@@ -59,8 +60,8 @@ class InputLayout:
 class FullModel:
     """A robot on a terrain, ready for dynamics and stepping.
 
-    Build it with `FullModel.build`. The arrays are what the kernels take; `data` is scratch memory of this object, so one
-    `FullModel` serves one thread.
+    Build it with `FullModel.build`. The arrays are what the kernels take; `data` is scratch memory of this object, so
+    one `FullModel` serves one thread.
 
     Attributes:
         robot: The robot.
@@ -160,12 +161,12 @@ class FullModel:
         )
 
 
-def _indices(values: object) -> IndexArray:
-    return np.array(list(values), dtype=np.int64)  # type: ignore[call-overload]
+def _indices(values: Iterable[int]) -> IndexArray:
+    return np.array(list(values), dtype=np.int64)
 
 
-def _rows(values: object, width: int) -> Array:
-    return np.array(list(values), dtype=float).reshape(-1, width)  # type: ignore[call-overload]
+def _rows(values: Iterable[ArrayLike], width: int) -> Array:
+    return np.array([np.asarray(value, dtype=float) for value in values], dtype=np.float64).reshape(-1, width)
 
 
 def _view_of_placements(model: pin.Model, data: pin.Data) -> Array:

@@ -19,12 +19,12 @@ from m4_dynamics.full import kernels
 from m4_dynamics.full.dynamics import check_state
 from m4_dynamics.full.model import FullModel
 
-__all__ = ["Actuation", "ExplicitStepper", "ImplicitStepper", "SimulationDiverged", "StepCounters"]
+__all__ = ["Actuation", "ExplicitStepper", "ImplicitStepper", "SimulationDivergedError", "StepCounters"]
 
 Array = NDArray[np.float64]
 
 
-class SimulationDiverged(M4Error):
+class SimulationDivergedError(M4Error):
     """The integration produced NaN or an unbounded velocity."""
 
 
@@ -133,7 +133,7 @@ class _Stepper:
         """Raise if the state has left the range in which it means anything.
 
         Raises:
-            SimulationDiverged: A velocity is NaN or beyond 1e4; names it and the time.
+            SimulationDivergedError: A velocity is NaN or beyond 1e4; names it and the time.
         """
         if not np.abs(self.velocity).max() < 1e4:
             worst = int(np.argmax(~(np.abs(self.velocity) < 1e4)))
@@ -142,7 +142,7 @@ class _Stepper:
                 for name, joint in zip(self.model.robot.model.names, self.model.robot.model.joints, strict=True)
                 if joint.idx_v <= worst < joint.idx_v + joint.nv
             )
-            raise SimulationDiverged(
+            raise SimulationDivergedError(
                 f"the simulation diverged at t = {self.time:.4f} s: the velocity of joint '{joint}' is "
                 f"{self.velocity[worst]:.3g}; a smaller time step than {self.time_step:g} s may help"
             )
