@@ -14,7 +14,6 @@ HAS_TEST := .venv/.has-test
 
 export UV_PYTHON_DOWNLOADS := never
 export UV_NO_PROGRESS := 1
-export UV_LINK_MODE ?= copy
 # A user's own pip settings must not redirect or refuse the one installation that pip does.
 export PIP_USER := 0
 export PIP_DISABLE_PIP_VERSION_CHECK := 1

@@ -17,7 +17,8 @@ import m4_dynamics
 
 ROOT = Path(__file__).resolve().parents[2]
 RELEASE = f"m4_dynamics-{m4_dynamics.__version__}"
-DESCRIPTION = ("m4.urdf", "m4.srdf", "m4.toml")
+# Whatever lies in urdf/ must be installed, except the scripts that write it.
+DESCRIPTION = {path.name for path in (ROOT / "urdf").iterdir() if path.is_file() and path.suffix != ".py"}
 
 
 def build(source: Path, target: str, folder: Path) -> Path:
@@ -40,8 +41,10 @@ def sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_holds_code_marker_and_descriptions(wheel: Path) -> None:
+    assert {"m4.urdf", "m4.srdf", "m4.toml"} <= DESCRIPTION
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
+        assert {name.split("/")[-1] for name in names if name.startswith("m4_dynamics/urdf/")} == DESCRIPTION
         for file in DESCRIPTION:
             assert archive.read(f"m4_dynamics/urdf/{file}") == (ROOT / "urdf" / file).read_bytes()
     modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / "m4_dynamics").rglob("*.py")}
