@@ -60,7 +60,7 @@ clean:  ## remove .venv, .tools, runs and every cache
 
 check-python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
-		echo "make: Python 3.11 or newer is needed, but '$(PYTHON)' is: $$($(PYTHON) --version 2>&1)"; \
+		echo "make: Python 3.11 or newer is needed, but '$(PYTHON)' is: $$($(PYTHON) --version 2>&1 | head -n 1)"; \
 		echo "      name another one like this: make PYTHON=/path/to/python3.12 ..."; exit 1; } >&2
 
 $(UV): requirements/uv.txt | check-python
