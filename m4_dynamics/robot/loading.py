@@ -31,7 +31,7 @@ from m4_dynamics.robot.postures import read_postures
 from m4_dynamics.robot.robot import Balance, ContactPoint, Ground, Posture, Robot, Servo, Thruster, Wheel
 from m4_dynamics.robot.urdf_masses import inertial_syntax_findings, mass_findings
 
-__all__ = ["bundled_description", "load_robot"]
+__all__ = ["bundled_description", "find_description", "load_robot"]
 
 
 def bundled_description() -> Path:
@@ -62,23 +62,36 @@ def load_robot(description: Path | str | None = None) -> Robot:
         The robot, on a free-flyer root.
 
     Raises:
-        RobotDescriptionError: If a file is missing, malformed or physically impossible.
+        RobotDescriptionError: If a file is missing or malformed; an `InvalidUrdfError` says what is wrong in a URDF.
         UnknownNameError: If the description names a joint, frame or posture that the robot does not have.
     """
-    path = bundled_description() if description is None else Path(description).expanduser()
-    if not path.exists():
-        raise RobotDescriptionError(f"{path}: no such file; expected a TOML description or a URDF")
-    if not path.is_file():
-        raise RobotDescriptionError(f"{path}: not a file; expected a TOML description or a URDF")
-    suffix = path.suffix.lower()
-    if suffix in (".urdf", ".xml") and path.with_suffix(".toml").is_file():
-        path = path.with_suffix(".toml")
-        suffix = ".toml"
-    if suffix == ".toml":
+    path = find_description(description)
+    if path.suffix.lower() == ".toml":
         return _load_described(read_description(path))
-    if suffix in (".urdf", ".xml"):
-        return _load_bare(path)
-    raise RobotDescriptionError(f"{path}: cannot tell what this is; expected a file ending in .toml or .urdf")
+    return _load_bare(path)
+
+
+def find_description(description: Path | str | None = None) -> Path:
+    """The file that describes a robot.
+
+    Args:
+        description: As for `load_robot`.
+
+    Returns:
+        The TOML description, or the URDF if there is none.
+
+    Raises:
+        RobotDescriptionError: If there is no such file, or its name ends neither in .toml nor in .urdf or .xml.
+    """
+    path = bundled_description() if description is None else Path(description).expanduser()
+    if not path.is_file():
+        problem = "not a file" if path.exists() else "no such file"
+        raise RobotDescriptionError(f"{path}: {problem}; expected a TOML description or a URDF")
+    suffix = path.suffix.lower()
+    if suffix not in (".toml", ".urdf", ".xml"):
+        raise RobotDescriptionError(f"{path}: cannot tell what this is; expected a file ending in .toml or .urdf")
+    beside = path.with_suffix(".toml")
+    return beside if beside.is_file() else path
 
 
 def _load_described(description: RobotDescription) -> Robot:
@@ -89,6 +102,9 @@ def _load_described(description: RobotDescription) -> Robot:
     thrusters = tuple(_thruster(model, settings, where) for settings in description.thrusters)
     if description.balance is not None:
         _check_balance(description.balance, postures, wheels, thrusters, where)
+    servos = tuple(_servo(model, settings, where) for settings in description.servos)
+    for joint in {wheel.joint for wheel in wheels} & {servo.joint for servo in servos}:
+        raise RobotDescriptionError(f"{where}: joint '{joint}' is listed both under [wheels] and under [servos]")
     files = {"toml": description.path, "urdf": description.urdf}
     if description.srdf is not None:
         files["srdf"] = description.srdf
@@ -100,7 +116,7 @@ def _load_described(description: RobotDescription) -> Robot:
         visual_model=visual_model,
         wheels=wheels,
         thrusters=thrusters,
-        servos=tuple(_servo(model, settings, where) for settings in description.servos),
+        servos=servos,
         contact_points=tuple(_contact_point(model, name, where) for name in description.contact_points),
         postures=MappingProxyType(postures),
         drive_motor=description.motor,
