@@ -138,7 +138,12 @@ def draw_limit(axes: Axes, value: float, text: str, *, forbidden: str | None = N
         axes.set_ylim(low, high)
 
 
-def label_line(axes: Axes, *, columns: int = 2, location: Literal["best", "upper left", "upper right", "lower left", "lower right"] = "best") -> None:
+def label_line(
+    axes: Axes,
+    *,
+    columns: int = 2,
+    location: Literal["best", "upper left", "upper right", "lower left", "lower right"] = "best",
+) -> None:
     """Add the panel's legend in the house look.
 
     Args:
