@@ -1,0 +1,325 @@
+"""Compiled twins of `pendulum` and `ground_force`: plain arrays in, results written in place, no allocation.
+
+The readable functions are the definition; a test holds these equal to them. All kernels that call each other live in
+this one file, because Numba's cache does not notice a change in a callee of another file.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = [
+    "BACK_EMF_CONSTANT",
+    "BACK_EMF_PITCH",
+    "COM_FORWARD",
+    "COM_UP",
+    "GRAVITY",
+    "INERTIA_BODY",
+    "INERTIA_WHEEL",
+    "MASS_BODY",
+    "MASS_WHEEL",
+    "PARAMETER_COUNT",
+    "THRUST_FORWARD",
+    "THRUST_UP",
+    "TORQUE_CONSTANT",
+    "WHEEL_RADIUS",
+    "ground_force",
+    "ground_force_linearised",
+    "mip_acceleration",
+    "mip_linearise",
+    "mip_step",
+    "rollout_and_linearise",
+]
+
+# Layout of the parameter vector p.
+MASS_BODY = 0
+MASS_WHEEL = 1
+INERTIA_BODY = 2
+INERTIA_WHEEL = 3
+COM_FORWARD = 4
+COM_UP = 5
+THRUST_FORWARD = 6
+THRUST_UP = 7
+WHEEL_RADIUS = 8
+TORQUE_CONSTANT = 9
+BACK_EMF_CONSTANT = 10
+#: Coefficient of the pitch rate in the motor torque: k2 if the back-EMF sees the wheel relative to the body, else 0.
+BACK_EMF_PITCH = 11
+GRAVITY = 12
+PARAMETER_COUNT = 13
+
+_Array = NDArray[np.float64]
+
+
+@njit(cache=True, error_model="numpy")
+def _accelerate(
+    p: _Array,
+    sin_b: float,
+    cos_b: float,
+    pitch: float,
+    wheel_rate: float,
+    pitch_rate: float,
+    duty: float,
+    thrust: float,
+) -> tuple[float, ...]:
+    """Accelerations and the terms that the derivatives need again.
+
+    Returns:
+        phi'', theta'', sin theta, cos theta, sin(theta + beta), cos(theta + beta), eta, d eta / d theta, and the
+        entries (0, 0), (0, 1), (1, 1) of M^-1.
+    """
+    mass = p[MASS_BODY] + p[MASS_WHEEL]
+    r = p[WHEEL_RADIUS]
+    sin_t = math.sin(pitch)
+    cos_t = math.cos(pitch)
+    sin_tb = sin_t * cos_b + cos_t * sin_b
+    cos_tb = cos_t * cos_b - sin_t * sin_b
+    eta = p[COM_UP] * cos_tb - p[COM_FORWARD] * sin_tb
+    eta_t = -p[COM_UP] * sin_tb - p[COM_FORWARD] * cos_tb
+
+    m11 = p[INERTIA_WHEEL] + mass * r * r
+    m12 = p[MASS_BODY] * r * eta
+    m22 = p[INERTIA_BODY] + p[MASS_BODY] * (p[COM_FORWARD] * p[COM_FORWARD] + p[COM_UP] * p[COM_UP])
+    scale = 1.0 / (m11 * m22 - m12 * m12)
+
+    torque = p[TORQUE_CONSTANT] * duty - p[BACK_EMF_CONSTANT] * wheel_rate + p[BACK_EMF_PITCH] * pitch_rate
+    rhs1 = torque + r * cos_tb * thrust
+    rhs1 -= p[MASS_BODY] * r * eta_t * pitch_rate * pitch_rate + mass * p[GRAVITY] * r * sin_b
+    rhs2 = -torque + p[THRUST_UP] * thrust
+    rhs2 += p[MASS_BODY] * p[GRAVITY] * (p[COM_FORWARD] * cos_t + p[COM_UP] * sin_t)
+    n11 = m22 * scale
+    n12 = -m12 * scale
+    n22 = m11 * scale
+    return (
+        n11 * rhs1 + n12 * rhs2,
+        n12 * rhs1 + n22 * rhs2,
+        sin_t,
+        cos_t,
+        sin_tb,
+        cos_tb,
+        eta,
+        eta_t,
+        n11,
+        n12,
+        n22,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _linearise(
+    p: _Array,
+    sin_b: float,
+    cos_b: float,
+    x: _Array,
+    u: _Array,
+    acceleration: _Array,
+    jacobian_x: _Array,
+    jacobian_u: _Array,
+    force: _Array,
+    force_x: _Array,
+    force_u: _Array,
+) -> None:
+    """Accelerations (2,), ground force (2,) and their derivatives with respect to x (2, 4) and u (2, 2), in place."""
+    mb = p[MASS_BODY]
+    mass = mb + p[MASS_WHEEL]
+    r = p[WHEEL_RADIUS]
+    g = p[GRAVITY]
+    rate = x[3]
+    thrust = u[1]
+    ddphi, ddtheta, sin_t, cos_t, sin_tb, cos_tb, eta, eta_t, n11, n12, n22 = _accelerate(
+        p, sin_b, cos_b, x[1], x[2], rate, u[0], thrust
+    )
+    acceleration[0] = ddphi
+    acceleration[1] = ddtheta
+
+    # d(rhs)/dy - (dM/dy) q'' for y = theta, phi', theta', u_m, f_t; M depends on theta only, and eta'' = -eta.
+    y1 = -r * sin_tb * thrust + mb * r * eta * rate * rate - mb * r * eta_t * ddtheta
+    y2 = mb * g * (p[COM_UP] * cos_t - p[COM_FORWARD] * sin_t) - mb * r * eta_t * ddphi
+    jacobian_x[0, 0] = 0.0
+    jacobian_x[1, 0] = 0.0
+    jacobian_x[0, 1] = n11 * y1 + n12 * y2
+    jacobian_x[1, 1] = n12 * y1 + n22 * y2
+    k2 = p[BACK_EMF_CONSTANT]
+    jacobian_x[0, 2] = (n12 - n11) * k2
+    jacobian_x[1, 2] = (n22 - n12) * k2
+    k2_pitch = p[BACK_EMF_PITCH]
+    centrifugal = 2.0 * mb * r * eta_t * rate
+    jacobian_x[0, 3] = n11 * (k2_pitch - centrifugal) - n12 * k2_pitch
+    jacobian_x[1, 3] = n12 * (k2_pitch - centrifugal) - n22 * k2_pitch
+    k1 = p[TORQUE_CONSTANT]
+    jacobian_u[0, 0] = (n11 - n12) * k1
+    jacobian_u[1, 0] = (n12 - n22) * k1
+    jacobian_u[0, 1] = n11 * r * cos_tb + n12 * p[THRUST_UP]
+    jacobian_u[1, 1] = n12 * r * cos_tb + n22 * p[THRUST_UP]
+
+    # Newton's law for the whole robot, along the slope and along its normal.
+    force[0] = mass * r * ddphi + mb * (eta * ddtheta + eta_t * rate * rate) + mass * g * sin_b - thrust * cos_tb
+    force[1] = mb * (eta_t * ddtheta - eta * rate * rate) + mass * g * cos_b + thrust * sin_tb
+    for j in range(4):
+        force_x[0, j] = mass * r * jacobian_x[0, j] + mb * eta * jacobian_x[1, j]
+        force_x[1, j] = mb * eta_t * jacobian_x[1, j]
+    force_x[0, 1] += mb * (eta_t * ddtheta - eta * rate * rate) + thrust * sin_tb
+    force_x[1, 1] += -mb * (eta * ddtheta + eta_t * rate * rate) + thrust * cos_tb
+    force_x[0, 3] += 2.0 * mb * eta_t * rate
+    force_x[1, 3] -= 2.0 * mb * eta * rate
+    for j in range(2):
+        force_u[0, j] = mass * r * jacobian_u[0, j] + mb * eta * jacobian_u[1, j]
+        force_u[1, j] = mb * eta_t * jacobian_u[1, j]
+    force_u[0, 1] -= cos_tb
+    force_u[1, 1] += sin_tb
+
+
+@njit(cache=True, error_model="numpy")
+def mip_acceleration(p: _Array, slope: float, x: _Array, u: _Array, out: _Array) -> None:
+    """Write (phi'', theta'') into out (2,); twin of `pendulum.acceleration`."""
+    terms = _accelerate(p, math.sin(slope), math.cos(slope), x[1], x[2], x[3], u[0], u[1])
+    out[0] = terms[0]
+    out[1] = terms[1]
+
+
+@njit(cache=True, error_model="numpy")
+def mip_linearise(p: _Array, slope: float, x: _Array, u: _Array, a: _Array, b: _Array) -> None:
+    """Write the continuous-time a (4, 4) and b (4, 2) in place; twin of `pendulum.linearise`."""
+    acceleration = np.empty(2)
+    force = np.empty(2)
+    force_x = np.empty((2, 4))
+    force_u = np.empty((2, 2))
+    a[:2] = 0.0
+    b[:2] = 0.0
+    a[0, 2] = 1.0
+    a[1, 3] = 1.0
+    _linearise(p, math.sin(slope), math.cos(slope), x, u, acceleration, a[2:], b[2:], force, force_x, force_u)
+
+
+@njit(cache=True, error_model="numpy")
+def ground_force(p: _Array, slope: float, x: _Array, u: _Array, out: _Array) -> None:
+    """Write (f_x, f_n) into out (2,); twin of `ground_force.ground_force_in_slope`."""
+    sin_b = math.sin(slope)
+    cos_b = math.cos(slope)
+    ddphi, ddtheta, _, _, sin_tb, cos_tb, eta, eta_t, _, _, _ = _accelerate(
+        p, sin_b, cos_b, x[1], x[2], x[3], u[0], u[1]
+    )
+    mb = p[MASS_BODY]
+    mass = mb + p[MASS_WHEEL]
+    rate2 = x[3] * x[3]
+    out[0] = (
+        mass * (p[WHEEL_RADIUS] * ddphi + p[GRAVITY] * sin_b) + mb * (eta * ddtheta + eta_t * rate2) - u[1] * cos_tb
+    )
+    out[1] = mb * (eta_t * ddtheta - eta * rate2) + mass * p[GRAVITY] * cos_b + u[1] * sin_tb
+
+
+@njit(cache=True, error_model="numpy")
+def ground_force_linearised(
+    p: _Array, slope: float, x: _Array, u: _Array, force: _Array, force_x: _Array, force_u: _Array
+) -> None:
+    """Write the force (2,) and its derivatives (2, 4), (2, 2); twin of `ground_force.ground_force_linearised`."""
+    acceleration = np.empty(2)
+    jacobian_x = np.empty((2, 4))
+    jacobian_u = np.empty((2, 2))
+    sin_b = math.sin(slope)
+    cos_b = math.cos(slope)
+    _linearise(p, sin_b, cos_b, x, u, acceleration, jacobian_x, jacobian_u, force, force_x, force_u)
+
+
+@njit(cache=True, error_model="numpy")
+def rollout_and_linearise(
+    p: _Array,
+    slopes: _Array,
+    x0: _Array,
+    inputs: _Array,
+    dt: float,
+    states: _Array,
+    a: _Array,
+    b: _Array,
+    force: _Array,
+    force_x: _Array,
+    force_u: _Array,
+) -> None:
+    """Roll the explicit-Euler model out (paper, eq. discrete_model) and linearise every step, all in place.
+
+    Args:
+        p: Parameter vector.
+        slopes: Inclination under the robot at each step, shape (n,) [rad].
+        x0: Initial state, shape (4,).
+        inputs: Duty and thrust at each step, shape (n, 2).
+        dt: Time step [s].
+        states: Out: x_0 .. x_n, shape (n + 1, 4).
+        a: Out: d x_{k+1} / d x_k, shape (n, 4, 4).
+        b: Out: d x_{k+1} / d u_k, shape (n, 4, 2).
+        force: Out: (f_x, f_n) at (x_k, u_k), shape (n, 2) [N].
+        force_x: Out: its derivative with respect to x_k, shape (n, 2, 4).
+        force_u: Out: its derivative with respect to u_k, shape (n, 2, 2).
+    """
+    acceleration = np.empty(2)
+    jacobian_x = np.empty((2, 4))
+    jacobian_u = np.empty((2, 2))
+    for j in range(4):
+        states[0, j] = x0[j]
+    for k in range(inputs.shape[0]):
+        x = states[k]
+        sin_b = math.sin(slopes[k])
+        cos_b = math.cos(slopes[k])
+        _linearise(
+            p,
+            sin_b,
+            cos_b,
+            x,
+            inputs[k],
+            acceleration,
+            jacobian_x,
+            jacobian_u,
+            force[k],
+            force_x[k],
+            force_u[k],
+        )
+        for i in range(2):
+            states[k + 1, i] = x[i] + dt * x[i + 2]
+            states[k + 1, i + 2] = x[i + 2] + dt * acceleration[i]
+            for j in range(4):
+                a[k, i, j] = 0.0
+                a[k, i + 2, j] = dt * jacobian_x[i, j]
+            a[k, i, i] = 1.0
+            a[k, i, i + 2] = dt
+            a[k, i + 2, i + 2] += 1.0
+            for j in range(2):
+                b[k, i, j] = 0.0
+                b[k, i + 2, j] = dt * jacobian_u[i, j]
+
+
+@njit(cache=True, error_model="numpy")
+def mip_step(p: _Array, slope: float, x: _Array, u: _Array, dt: float, substeps: int, out: _Array) -> None:
+    """Advance the pendulum by dt with the inputs held: classical Runge-Kutta of fourth order in equal substeps.
+
+    Args:
+        p: Parameter vector.
+        slope: Inclination of the ground [rad].
+        x: State, shape (4,).
+        u: Duty and thrust, held over the step, shape (2,).
+        dt: Time to advance [s].
+        substeps: Number of Runge-Kutta steps, at least 1.
+        out: Out: the new state, shape (4,); may be x itself.
+    """
+    sin_b = math.sin(slope)
+    cos_b = math.cos(slope)
+    h = dt / substeps
+    phi, theta, dphi, dtheta = x[0], x[1], x[2], x[3]
+    for _ in range(substeps):
+        k1 = _accelerate(p, sin_b, cos_b, theta, dphi, dtheta, u[0], u[1])
+        v2, w2 = dphi + 0.5 * h * k1[0], dtheta + 0.5 * h * k1[1]
+        k2 = _accelerate(p, sin_b, cos_b, theta + 0.5 * h * dtheta, v2, w2, u[0], u[1])
+        v3, w3 = dphi + 0.5 * h * k2[0], dtheta + 0.5 * h * k2[1]
+        k3 = _accelerate(p, sin_b, cos_b, theta + 0.5 * h * w2, v3, w3, u[0], u[1])
+        v4, w4 = dphi + h * k3[0], dtheta + h * k3[1]
+        k4 = _accelerate(p, sin_b, cos_b, theta + h * w3, v4, w4, u[0], u[1])
+        phi += h / 6.0 * (dphi + 2.0 * v2 + 2.0 * v3 + v4)
+        theta += h / 6.0 * (dtheta + 2.0 * w2 + 2.0 * w3 + w4)
+        dphi += h / 6.0 * (k1[0] + 2.0 * k2[0] + 2.0 * k3[0] + k4[0])
+        dtheta += h / 6.0 * (k1[1] + 2.0 * k2[1] + 2.0 * k3[1] + k4[1])
+    out[0] = phi
+    out[1] = theta
+    out[2] = dphi
+    out[3] = dtheta
