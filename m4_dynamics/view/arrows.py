@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from m4_dynamics.view.motion import Motion, quaternions_onto
-from m4_dynamics.view.three import Command, Material, cone, cylinder, set_object
+from m4_dynamics.view.three import Command, Material, cone, cylinder, set_object, set_property
 
 __all__ = ["HIDDEN_SCALE", "arrow_commands", "arrow_motions", "round_scale"]
 
 HIDDEN_SCALE = 1e-5  # of something that is not to be seen; zero would make its transform singular
-_SHAFT_RADIUS, _HEAD_RADIUS, _HEAD_LENGTH = 0.009, 0.024, 0.065  # [m]
+_SHAFT_RADIUS, _HEAD_RADIUS, _HEAD_LENGTH = 0.010, 0.027, 0.070  # [m]
 _LEAST_LENGTH = 4e-3  # [m] shorter arrows are hidden
-_LONGEST_ARROW = 0.45  # [m] wanted for the largest force in sight
+_LONGEST_ARROW = 0.65  # [m] wanted for the largest force in sight
 
 
 def arrow_commands(path: str, colour: str) -> list[Command]:
@@ -29,9 +29,12 @@ def arrow_commands(path: str, colour: str) -> list[Command]:
         The commands: a shaft of unit length and a head, drawn over everything else.
     """
     material = Material(colour=colour, in_front=True)
+    shaft, head = f"{path}/shaft/rod", f"{path}/head/tip"
     return [
-        set_object(f"{path}/shaft/rod", cylinder(_SHAFT_RADIUS, 1.0, base_at_origin=True), material),
-        set_object(f"{path}/head/tip", cone(_HEAD_RADIUS, _HEAD_LENGTH, base_at_origin=True), material),
+        set_object(shaft, cylinder(_SHAFT_RADIUS, 1.0, base_at_origin=True), material),
+        set_object(head, cone(_HEAD_RADIUS, _HEAD_LENGTH, base_at_origin=True), material),
+        # An arrow is a sign, not a body: it throws no shadow.
+        *(set_property(f"{one}/<object>", "castShadow", False) for one in (shaft, head)),
     ]
 
 

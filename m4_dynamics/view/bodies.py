@@ -35,7 +35,7 @@ def joint_path(robot: Robot, joint_id: int) -> str:
 
 
 def robot_commands(robot: Robot) -> list[Command]:
-    """Commands that build the robot at its joints' origins; the joints are placed by whoever shows a posture or a motion.
+    """Commands that build the robot's bodies; whoever shows a posture or a motion places the joints.
 
     Args:
         robot: The robot.
@@ -108,7 +108,7 @@ def mesh_arrays(geometry: coal.CollisionGeometry) -> tuple[NDArray[np.float64], 
 
 def hex_colour(colour: NDArray[np.float64]) -> str:
     """An RGBA colour with entries in [0, 1] as "#rrggbb"."""
-    red, green, blue = (int(round(255.0 * float(np.clip(entry, 0.0, 1.0)))) for entry in colour[:3])
+    red, green, blue = (round(255.0 * float(np.clip(entry, 0.0, 1.0))) for entry in colour[:3])
     return f"#{red:02X}{green:02X}{blue:02X}"
 
 
@@ -143,7 +143,9 @@ def _spin_mark(robot: Robot, wheel: Wheel) -> list[Command]:
         if isinstance(geometry.geometry, coal.Sphere):
             half_width = max(half_width, geometry.geometry.radius)
         else:
-            half_width = max(half_width, geometry.geometry.halfLength + abs(float(geometry.placement.translation @ axis)))
+            half_width = max(
+                half_width, geometry.geometry.halfLength + abs(float(geometry.placement.translation @ axis))
+            )
     across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     across /= np.linalg.norm(across)
     placement = np.eye(4)

@@ -40,7 +40,7 @@ class Frames:
     @property
     def elapsed(self) -> NDArray[np.float64]:
         """Time since the first instant, shape (n,) [s]."""
-        return self.time - self.time[0]
+        return np.asarray(self.time - self.time[0])
 
 
 def sample_frames(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: float) -> Frames:
@@ -72,8 +72,10 @@ def sample_frames(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: f
 
     def linear(values: NDArray[np.float64]) -> NDArray[np.float64]:
         flat = np.asarray(values, dtype=float).reshape(len(time), -1)
-        columns = [np.interp(instants, time, column) for column in flat.T]
-        return np.column_stack(columns).reshape(len(instants), *values.shape[1:])
+        sampled = np.empty((len(instants), flat.shape[1]))
+        for column in range(flat.shape[1]):
+            sampled[:, column] = np.interp(instants, time, flat[:, column])
+        return sampled.reshape(len(instants), *values.shape[1:])
 
     thrust, force = linear(dataset["thrust"].values), linear(dataset["contact_force_in_world"].values)
     position = linear(dataset["contact_position_in_world"].values)

@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.view.three import Command, Material, Shape, mesh, set_object
 
-__all__ = ["clip_profile", "ground_commands", "tile_profile"]
+__all__ = ["TILE_LENGTH", "clip_profile", "ground_commands", "tile_profile"]
 
 ROOT = "/ground"
 TILE_LENGTH = 0.25  # [m] along the profile and across it
-_LIGHT, _DARK, _FLANK = (0.93, 0.94, 0.95), (0.80, 0.83, 0.86), "#A9B3BC"
+_LIGHT, _DARK, _FLANK = (0.83, 0.845, 0.86), (0.70, 0.73, 0.76), "#A9B3BC"
 _THICKNESS = 0.08  # [m] of the slab drawn below the profile
 
 
@@ -57,7 +57,9 @@ def ground_commands(profile: NDArray[np.float64], *, half_width: float = 0.75) -
     return [surface, slab]
 
 
-def tile_profile(profile: NDArray[np.float64], tile: float = TILE_LENGTH) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def tile_profile(
+    profile: NDArray[np.float64], tile: float = TILE_LENGTH
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Cut a profile into tiles of equal length along its path, and at its corners.
 
     Args:
@@ -79,7 +81,9 @@ def _chequered(profile: NDArray[np.float64], half_width: float) -> Shape:
     """The surface: squares in two tones, each with corners of its own so that the tones don't blend."""
     points, tiles = tile_profile(profile)
     across = np.arange(-half_width, half_width + 1e-9, TILE_LENGTH)
-    vertices, colours, triangles = [], [], []
+    vertices: list[tuple[float, float, float]] = []
+    colours: list[tuple[float, float, float]] = []
+    triangles: list[tuple[int, int, int]] = []
     for piece, tile in enumerate(tiles):
         (x0, z0), (x1, z1) = points[piece], points[piece + 1]
         for lane in range(len(across) - 1):

@@ -1,4 +1,4 @@
-"""Motions of the scene's nodes: where each one is at each instant. A replay makes tracks of them, a live view transforms."""
+"""Motions of the scene's nodes: where each is at each instant. A replay plays them, a live view sends them."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ def animation_command(motions: Sequence[Motion], times: NDArray[np.float64], fra
         ):
             if values is not None:
                 tracks.append({"name": f".{name}", "type": kind, "times": frames, "values": typed_array(values)})
-        animations.append({"path": motion.path, "clip": {"fps": frames_per_second, "name": "default", "tracks": tracks}})
+        animations.append(
+            {"path": motion.path, "clip": {"fps": frames_per_second, "name": "default", "tracks": tracks}}
+        )
     # Colour and visibility tracks don't play, and nothing can be created on the way: nodes only move, turn and scale.
     options = {"play": True, "repetitions": float("inf")}
     return {"type": "set_animation", "path": "", "animations": animations, "options": options}

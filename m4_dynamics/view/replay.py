@@ -1,4 +1,4 @@
-"""A run as one self-contained page: meshcat's viewer, the scene and its animation in a single file that needs no network.
+"""A run as one self-contained page: meshcat's viewer, the scene and its animation in a file that needs no network.
 
 The page is put together from the viewer's own program and packed commands; no server is started and no port opened.
 """
@@ -24,7 +24,7 @@ from m4_dynamics.robot.robot import Robot
 from m4_dynamics.view.arrows import round_scale
 from m4_dynamics.view.bodies import joint_path
 from m4_dynamics.view.frames import Frames, sample_frames
-from m4_dynamics.view.ground import clip_profile
+from m4_dynamics.view.ground import TILE_LENGTH, clip_profile
 from m4_dynamics.view.motion import animation_command, motion_matrix
 from m4_dynamics.view.output import replacing
 from m4_dynamics.view.scene import (
@@ -36,13 +36,13 @@ from m4_dynamics.view.scene import (
     scene_commands,
     scene_motions,
 )
-from m4_dynamics.view.style import run_subtitle
+from m4_dynamics.view.style import run_facts
 from m4_dynamics.view.three import Command, pack, set_transform
 
 __all__ = ["replay_html", "write_replay_html"]
 
 _GROUND_MARGIN = 0.6  # [m] of ground shown before and behind the robot's way
-_FOLLOWED_FROM = 6.0  # [m] a longer way is shown by following the robot
+_FOLLOWED_FROM = 2.5  # [m] a longer way is shown by following the robot
 _VIEW_DIRECTION = (-0.42, -1.0, 0.36)  # from the way's middle to the camera: beside it, a little downhill and above
 _FIELD_OF_VIEW = 30.0  # [deg] vertical
 # Nothing may be fetched from anywhere; what runs is in the page.
@@ -106,13 +106,13 @@ def replay_html(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: flo
         title=_title(dataset, robot),
         commands=commands,
         facts={
-            "conditions": run_subtitle(dataset),
+            "conditions": run_facts(dataset),
             "legend": [
                 {"kind": "arrow", "colour": THRUST_COLOUR, "text": "thrust on the robot"},
                 {"kind": "arrow", "colour": CONTACT_COLOUR, "text": "ground on a wheel"},
                 {"kind": "dot", "colour": COM_COLOUR, "text": "centre of mass"},
             ],
-            "scale": f"arrows: {100.0 * metres_per_newton * 10.0:.3g} cm for 10 N",
+            "scale": f"10 N: {1000.0 * metres_per_newton:.3g} cm, tiles: {100.0 * TILE_LENGTH:.3g} cm",
             "frames_per_second": frames_per_second,
             "start_time": _rounded([frames.time[0]], 4)[0],
             "times": _rounded(frames.elapsed, 4),
@@ -150,7 +150,7 @@ def _readouts(dataset: xarray.Dataset, frames: Frames) -> list[dict[str, Any]]:
     if "axle_position_in_world" in dataset:
         axle = dataset["axle_position_in_world"].values
         way = np.linalg.norm(axle - axle[0], axis=1)
-        readouts.append({"label": "way", "unit": "m", "digits": 2, "values": at_frames(way, 3)})
+        readouts.append({"label": "distance", "unit": "m", "digits": 2, "values": at_frames(way, 3)})
     if "state" in dataset:
         pitch = np.rad2deg(dataset["state"].values[:, 1])
         readouts.append({"label": "pitch", "unit": "°", "digits": 1, "values": at_frames(pitch, 2)})
@@ -166,7 +166,9 @@ def _readouts(dataset: xarray.Dataset, frames: Frames) -> list[dict[str, Any]]:
 
 def _rounded(values: ArrayLike, digits: int) -> list[float | None]:
     """Numbers for JSON, which has no NaN: those become null."""
-    return [round(float(one), digits) if np.isfinite(one) else None for one in np.ravel(np.asarray(values, dtype=float))]
+    return [
+        round(float(one), digits) if np.isfinite(one) else None for one in np.ravel(np.asarray(values, dtype=float))
+    ]
 
 
 def _page(*, title: str, commands: Sequence[Command], facts: dict[str, Any]) -> str:

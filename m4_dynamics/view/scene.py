@@ -68,6 +68,7 @@ def scene_commands(robot: Robot, profile: NDArray[np.float64], bounds: Bounds) -
     for wheel in robot.wheels:
         commands += arrow_commands(_contact_path(wheel.joint), CONTACT_COLOUR)
     commands.append(set_object("/com/ball", sphere(0.018), Material(colour=COM_COLOUR, in_front=True)))
+    commands.append(set_property("/com/ball/<object>", "castShadow", False))
     return commands
 
 
@@ -169,7 +170,6 @@ def _surroundings(bounds: Bounds) -> list[Command]:
         "castShadow": True,
         "shadow": {"bias": -0.0004, "radius": 2.0, "mapSize": [2048, 2048], "camera": shadow_camera},
     }
-    fill = {"type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": 0xB8C0C8, "intensity": 0.28}
     commands.append(set_light("/sun", sun))
-    commands.append(set_light("/sky", fill))
+    commands.append(set_property("/Lights/AmbientLight/<object>", "intensity", 0.58))
     return commands

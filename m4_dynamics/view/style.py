@@ -26,6 +26,7 @@ __all__ = [
     "dress_axes",
     "label_line",
     "new_figure",
+    "run_facts",
     "run_subtitle",
     "save_figure",
     "series_colours",
@@ -191,26 +192,31 @@ def series_colours(count: int) -> list[str]:
     return [COLOURS[cycle[index % len(cycle)]] for index in range(count)]
 
 
-def run_subtitle(dataset: xarray.Dataset) -> str:
-    """One line of the run's conditions, from the trajectory's attributes; what is absent is left out.
+def run_facts(dataset: xarray.Dataset) -> list[str]:
+    """The run's conditions, from the trajectory's attributes; what is absent is left out.
 
     Args:
         dataset: A trajectory.
 
     Returns:
-        For example "slope 45 deg  ·  friction 0.80  ·  controller default  ·  verdict climbed".
+        For example ["slope 45°", "friction μₛ 0.8", "controller default", "verdict: climbed"].
     """
     attributes = dataset.attrs
-    parts: list[str] = []
+    facts: list[str] = []
     if "slope_deg" in attributes:
-        parts.append(f"slope {float(attributes['slope_deg']):g}°")
+        facts.append(f"slope {float(attributes['slope_deg']):g}°")
     if "friction_static" in attributes:
-        parts.append(f"friction μₛ {float(attributes['friction_static']):g}")
+        facts.append(f"friction μₛ {float(attributes['friction_static']):g}")
     if attributes.get("controller"):
-        parts.append(f"controller {attributes['controller']}")
+        facts.append(f"controller {attributes['controller']}")
     if attributes.get("verdict"):
-        parts.append(f"verdict: {attributes['verdict']}")
-    return "   ·   ".join(parts)
+        facts.append(f"verdict: {attributes['verdict']}")
+    return facts
+
+
+def run_subtitle(dataset: xarray.Dataset) -> str:
+    """The run's conditions in one line; see `run_facts`."""
+    return "   ·   ".join(run_facts(dataset))
 
 
 def save_figure(figure: Figure, path: Path | str) -> Path:

@@ -1,8 +1,8 @@
 """Objects and commands of meshcat's viewer, which is three.js in the browser, as plain dictionaries.
 
-A command does not know where it goes: packed into bytes, the same one is embedded in a page or sent to a running viewer.
-Lengths are in metres, z is up; three.js builds cylinders, cones and lathes about its y axis, so those builders turn them
-onto z.
+A command does not know where it goes: packed into bytes, the same one is embedded in a page or sent to a live viewer.
+Lengths are in metres, z is up; three.js builds cylinders, cones and lathes about its y axis, so those builders turn
+them onto z.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Command = dict[str, Any]
 _Y_TO_Z: NDArray[np.float64] = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 _ROUND_SEGMENTS = 40
 # Codes of typed arrays in the MessagePack dialect of meshcat's viewer.
-_EXTENSION_CODES = {np.dtype(np.uint32): (0x16, "Uint32Array"), np.dtype(np.float32): (0x17, "Float32Array")}
+_EXTENSION_CODES = {np.dtype(np.uint32): 0x16, np.dtype(np.float32): 0x17}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +63,7 @@ class Material:
     Attributes:
         colour: sRGB hex, such as "#0072B2"; ignored where vertices carry their own colours.
         opacity: 1 is opaque.
-        in_front: Drawn over everything else, so that nothing hides it.
+        in_front: Drawn over everything else in its plain colour, so that nothing hides or shades it.
         flat: Faces are shaded as planes rather than smoothed.
         vertex_colours: The shape's vertices carry colours.
     """
@@ -78,8 +78,9 @@ class Material:
         """The material as three.js reads it, under an identifier."""
         return {
             "uuid": identifier,
-            "type": "MeshLambertMaterial" if self.in_front else "MeshPhongMaterial",
-            "color": int(self.colour.lstrip("#"), 16),
+            "type": "MeshBasicMaterial" if self.in_front else "MeshPhongMaterial",
+            # three.js multiplies the vertices' colours by the material's.
+            "color": 0xFFFFFF if self.vertex_colours else int(self.colour.lstrip("#"), 16),
             "shininess": 12,
             "specular": 0x222222,
             "side": 0 if self.in_front else 2,
@@ -103,7 +104,7 @@ def typed_array(values: ArrayLike, dtype: type[np.float32 | np.uint32] = np.floa
         The MessagePack extension that the viewer decodes into a typed array.
     """
     array = np.ascontiguousarray(values, dtype=dtype)
-    return umsgpack.Ext(_EXTENSION_CODES[array.dtype][0], array.astype(array.dtype.newbyteorder("<")).tobytes())
+    return umsgpack.Ext(_EXTENSION_CODES[array.dtype], array.astype(array.dtype.newbyteorder("<")).tobytes())
 
 
 def box(size: Sequence[float]) -> Shape:

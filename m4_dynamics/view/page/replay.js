@@ -14,7 +14,11 @@ const animator = viewer.animator;
 const element = (id) => document.getElementById(id);
 
 // ---- words ----------------------------------------------------------------------------------------------------------
-element("conditions").textContent = replay.conditions;
+for (const fact of replay.conditions) {
+  const item = document.createElement("li");
+  item.textContent = fact;
+  element("conditions").append(item);
+}
 element("scale").textContent = replay.scale;
 for (const entry of replay.legend) {
   const item = document.createElement("li");
@@ -72,7 +76,7 @@ function overview() {
 
 function follow() {
   const centre = root.position.toArray();
-  frame_box(centre.map((entry) => entry - 0.75), centre.map((entry) => entry + 0.75));
+  frame_box(centre.map((entry) => entry - 0.65), centre.map((entry) => entry + 0.65));
   following = root_place();
   element("follow").setAttribute("aria-pressed", "true");
 }
