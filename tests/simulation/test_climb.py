@@ -55,7 +55,7 @@ def test_ground_force_model_agrees_with_the_simulated_contacts(climb, slope, err
 
 @pytest.mark.parametrize("slope", SLOPES)
 def test_steady_cost_is_far_below_the_papers_settings(climb, slope):
-    ours, papers = climb(slope).summary, climb(slope, controller="paper").summary
+    ours, papers = climb(slope, 2.0).summary, climb(slope, 2.0, controller="paper").summary
     assert ours.verdict == "climbed"
     assert papers.steady_cost >= 100.0 * ours.steady_cost
     assert any("wheel tracking is poor" in remark for remark in papers.remarks)
