@@ -154,5 +154,4 @@ def test_divergence_is_reported_with_joint_and_time(m4):
     plant.reset(standing(m4))
     plant.command.external_wrench[0] = 1e12
     with pytest.raises(SimulationDivergedError, match="diverged at t"):
-        for _ in range(10):
-            plant.step()
+        plant.step()
