@@ -40,7 +40,7 @@ class MpcSettings:
             of the constraints' multipliers, the plan violates nothing that it could satisfy.
         slack_curvature: Quadratic cost of the violation [1/N^2]; keeps the QP strictly convex.
         sqp_iterations: Linearisations per control step; 1 is the real-time iteration.
-        sqp_tolerance: With more than one, stop when the optimisation step is below this (units of half an input's range).
+        sqp_tolerance: With more than one, stop when the step is below this (in units of half an input's range).
         solver_tolerance: Absolute tolerance of the QP solver.
         solver_iterations: Cap of ProxQP's outer iterations.
         solver_inner_iterations: Cap of ProxQP's inner iterations per outer one.
