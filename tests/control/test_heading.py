@@ -26,9 +26,7 @@ def yaw_matrix(stiffness: float, gains: tuple[float, float]) -> np.ndarray:
             total += side * half_track * torque / radius
         return total
 
-    return np.array(
-        [[0.0, 1.0], [moment(1.0, 0.0) / PLANT["yaw_inertia"], moment(0.0, 1.0) / PLANT["yaw_inertia"]]]
-    )
+    return np.array([[0.0, 1.0], [moment(1.0, 0.0) / PLANT["yaw_inertia"], moment(0.0, 1.0) / PLANT["yaw_inertia"]]])
 
 
 @given(

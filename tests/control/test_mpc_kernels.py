@@ -56,7 +56,7 @@ def setup(pendulum, make_case):
         problem = Problem(pendulum, case.reference, MpcSettings(horizon=N, **options))
         state = case.reference.state[sample] + state_offset
         optimiser, plan = SqpOptimiser(problem), Plan(N)
-        plan.inputs[:] = case.reference.inputs[sample : sample + N] + [0.05, 1.0]
+        plan.inputs[:] = case.reference.inputs[sample : sample + N] + np.array([0.05, 1.0])
         nominal = plan.inputs.copy()
         optimiser.improve(plan, state, sample)
         return Dense(pendulum, case, problem, state, sample), optimiser, plan, nominal
@@ -101,7 +101,7 @@ def test_hessian_is_gauss_newtons(setup, offset, terminal_cost):
 
 
 def test_bounds_are_those_of_the_inputs(setup):
-    dense, optimiser, _, nominal = setup(45.0, np.zeros(4))
+    _, optimiser, _, nominal = setup(45.0, np.zeros(4))
     z = optimiser.qp
     np.testing.assert_allclose(nominal + SCALE * z.box_lower[:-1].reshape(N, 2), np.tile([-1.0, 0.0], (N, 1)))
     np.testing.assert_allclose(nominal + SCALE * z.box_upper[:-1].reshape(N, 2), np.tile([1.0, 43.2], (N, 1)))

@@ -42,9 +42,7 @@ def test_rest_cruise_and_hold(pendulum, make_case):
         np.testing.assert_allclose(reference.state[steady, 1], trim.pitch, atol=1e-12)
     np.testing.assert_allclose(reference.state[cruise, 2], 0.4 / 0.125, rtol=1e-12)
     cruising = select_trim(pendulum, case.slope, criterion="thrust", thrust=trim.thrust, speed=0.4)
-    np.testing.assert_allclose(
-        reference.inputs[cruise], np.broadcast_to(cruising.inputs, (cruise.sum(), 2)), atol=1e-9
-    )
+    np.testing.assert_allclose(reference.inputs[cruise], np.broadcast_to(cruising.inputs, (cruise.sum(), 2)), atol=1e-9)
     # The distance is the area under the speed: each ramp counts half.
     assert reference.state[-1, 0] * 0.125 == pytest.approx(0.4 * (5.0 - 2.0 + 1.0))
 
