@@ -156,7 +156,8 @@ def test_a_state_that_is_not_finite_is_refused_and_harmless(pendulum, make_case,
     bad[entry] = value
     with pytest.raises(NonFiniteError, match=["wheel_angle", "pitch", "wheel_rate", "pitch_rate"][entry]):
         disturbed.control(1, bad)
-    np.testing.assert_array_equal(disturbed.control(1, x), untouched.control(1, x))
+    # Not bit for bit: ProxQP's vectorised sums depend on where in memory its arrays happen to lie.
+    np.testing.assert_allclose(disturbed.control(1, x), untouched.control(1, x), rtol=1e-9)
 
 
 def test_an_overflowing_prediction_falls_back(pendulum, make_case):
@@ -226,7 +227,7 @@ def test_reset_makes_runs_repeatable(pendulum, make_case, simulate):
     first = simulate(controller, case.reference, pitch_error_deg=5.0, steps=300)
     controller.reset()
     second = simulate(controller, case.reference, pitch_error_deg=5.0, steps=300)
-    np.testing.assert_array_equal(first.inputs, second.inputs)
+    np.testing.assert_allclose(first.inputs, second.inputs, rtol=1e-6)
 
 
 def test_reference_of_another_rate_is_refused(pendulum, make_case):
