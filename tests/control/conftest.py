@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from m4_dynamics.control.controller import BalanceController, Diagnostics
+from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
 from m4_dynamics.reduced.kernels import ground_force, mip_step
 from m4_dynamics.reduced.pendulum import MipParameters
@@ -65,7 +66,8 @@ def make_case(pendulum: MipParameters) -> Callable[..., Case]:
 
     def make(slope_deg: float, *, friction: float = 0.8, **options: float) -> Case:
         slope = np.radians(slope_deg)
-        trim = select_trim(pendulum, slope, limits=TrimLimits(friction_static=friction))
+        planned = MpcSettings().friction_fraction
+        trim = select_trim(pendulum, slope, limits=TrimLimits(friction_static=friction, friction_fraction=planned))
         return Case(slope, trim, climb_reference(pendulum, slope, trim, **options))
 
     return make

@@ -24,7 +24,8 @@ def test_papers_settings():
 
 
 def test_default_keeps_a_friction_margin():
-    assert MpcSettings().friction_plan == pytest.approx(0.72)
+    assert MpcSettings(friction_static=0.5, friction_fraction=0.9).friction_plan == pytest.approx(0.45)
+    assert MpcSettings().friction_fraction <= 0.9
     assert MpcSettings().terminal_cost == "riccati"
 
 
