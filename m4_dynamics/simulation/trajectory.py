@@ -7,7 +7,6 @@ reduced model. A reader of the file needs nothing else: units and meaning are in
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from m4_dynamics.control.reference import ReferenceTrajectory
 from m4_dynamics.errors import ResultFileError
 from m4_dynamics.full import kernels
 from m4_dynamics.full.model import FullModel
+from m4_dynamics.output import replacing
 from m4_dynamics.reduced.ground_force import ground_force_in_slope
 from m4_dynamics.reduced.reduction import Reduction
 from m4_dynamics.simulation.balance import drive_wheels
@@ -136,6 +136,8 @@ def build_trajectory(
     contact_force = np.diff(impulse, axis=0, prepend=np.zeros((1, *impulse.shape[1:]))) / period
     wheels = drive_wheels(robot, reduction.frame)
     on_drive_wheels = contact_force[:, [wheels.left, wheels.right]].sum(axis=1)
+    rolling = np.ones(len(robot.wheels))
+    rolling[[wheels.left, wheels.right]] = wheels.sign_left, wheels.sign_right
     cosine, sine = math.cos(slope), math.sin(slope)
     ground_simulated = np.column_stack(
         (cosine * on_drive_wheels[:, 0] + sine * on_drive_wheels[:, 2],
@@ -167,7 +169,8 @@ def build_trajectory(
         "heading": (("time",), motion.heading, "rad", "true heading about the slope normal, left of uphill"),
         "heading_estimated": (("time",), recorder.heading_estimated[:n], "rad", "heading from wheel odometry"),
         "differential_duty": (("time",), recorder.differential_duty[:n], "1", "duty of the heading hold"),
-        "wheel_duty": (("time", wheel), recorder.wheel_duty[:n], "1", "motor duty about the wheel's joint axis"),
+        "wheel_duty": (("time", wheel), rolling * recorder.wheel_duty[:n], "1",
+                       "motor duty, positive drives a drive wheel forward, others about their joint axis"),
         "thrust": (("time", thruster), recorder.thrust[:n], "N", "thrust"),
         "servo_torque": (("time", servo), recorder.servo_torque[:n], "N m", "servo torque"),
         "contact_force_in_world": (("time", wheel, xyz), contact_force, "N",
@@ -254,16 +257,9 @@ def save_trajectory(dataset: xarray.Dataset, path: Path | str) -> Path:
         ResultFileError: The file cannot be written.
     """
     target = Path(path)
-    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
     encoding = {name: {"zlib": True, "complevel": 3} for name in dataset.data_vars}
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        dataset.to_netcdf(beside, engine="h5netcdf", encoding=encoding)
-        beside.replace(target)
-    except OSError as error:
-        raise ResultFileError(f"cannot write the trajectory {target}: {error}") from error
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(target) as partial:
+        dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
     return target
 
 
