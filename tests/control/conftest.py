@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from m4_dynamics.control.controller import BalanceController, Diagnostics
-from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
 from m4_dynamics.reduced.kernels import ground_force, mip_step
 from m4_dynamics.reduced.pendulum import MipParameters
-from m4_dynamics.reduced.trim import Trim, TrimLimits, select_trim
+from m4_dynamics.reduced.trim import Trim, select_trim
 
 STATE_WEIGHTS = np.array([10.0, 1e4, 5.0, 25.0])
+
+#: Thrust of the trim on each slope [N]: little, where the ground alone would nearly do, more on the steepest.
+TRIM_THRUST = {0.0: 2.0, 15.0: 2.0, 30.0: 2.0, 45.0: 15.0}
 
 
 class Case(NamedTuple):
@@ -62,12 +64,12 @@ def pendulum() -> MipParameters:
 
 @pytest.fixture(scope="session")
 def make_case(pendulum: MipParameters) -> Callable[..., Case]:
-    """Build a case: slope in degrees, friction for choosing the trim, and options of the climb."""
+    """Build a case: slope in degrees, thrust of its trim, and options of the climb."""
 
-    def make(slope_deg: float, *, friction: float = 0.8, **options: float) -> Case:
+    def make(slope_deg: float, *, thrust: float | None = None, **options: float) -> Case:
         slope = np.radians(slope_deg)
-        planned = MpcSettings().friction_fraction
-        trim = select_trim(pendulum, slope, limits=TrimLimits(friction_static=friction, friction_fraction=planned))
+        chosen = TRIM_THRUST[slope_deg] if thrust is None else thrust
+        trim = select_trim(pendulum, slope, criterion="thrust", thrust=chosen)
         return Case(slope, trim, climb_reference(pendulum, slope, trim, **options))
 
     return make
