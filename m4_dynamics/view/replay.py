@@ -90,7 +90,7 @@ def replay_html(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: flo
         ResultFileError: The trajectory cannot be shown with this robot.
     """
     frames = sample_frames(dataset, robot, frames_per_second=frames_per_second)
-    metres_per_newton = round_scale([*frames.contact_force.values(), *(f[:, None] for f in frames.thrust.values())])
+    metres_per_newton = round_scale([*frames.contact_force.values(), *frames.thrust_force.values()])
     motions = scene_motions(robot, frames, metres_per_newton=metres_per_newton)
     bounds = scene_bounds(motions, robot)
     profile = clip_profile(
