@@ -20,13 +20,13 @@ import xarray
 from numpy.typing import ArrayLike
 
 from m4_dynamics.errors import ResultFileError
+from m4_dynamics.output import replacing
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.view.arrows import round_scale
 from m4_dynamics.view.bodies import joint_path
 from m4_dynamics.view.frames import Frames, sample_frames
 from m4_dynamics.view.ground import TILE_LENGTH, clip_profile
 from m4_dynamics.view.motion import animation_command, motion_matrix
-from m4_dynamics.view.output import replacing
 from m4_dynamics.view.scene import (
     COM_COLOUR,
     CONTACT_COLOUR,

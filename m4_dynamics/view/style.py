@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import ArrayLike, NDArray
 
-from m4_dynamics.view.output import replacing
+from m4_dynamics.output import replacing
 
 __all__ = [
     "COLOURS",
