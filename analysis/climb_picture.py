@@ -8,9 +8,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import xarray
-
+from m4_dynamics.errors import M4Error
 from m4_dynamics.robot.loading import load_robot
+from m4_dynamics.simulation.trajectory import load_trajectory
 from m4_dynamics.view.composite import write_climb_picture
 
 if __name__ == "__main__":
@@ -21,7 +21,9 @@ if __name__ == "__main__":
     parser.add_argument("--poses", type=int, default=5, help="number of instants shown (default: 5)")
     options = parser.parse_args()
 
-    trajectory = xarray.load_dataset(options.run / "trajectory.nc", engine="h5netcdf")
     picture = options.picture or options.run / "climb.png"
-    write_climb_picture(trajectory, load_robot(options.robot), picture, poses=options.poses)
+    try:
+        write_climb_picture(load_trajectory(options.run), load_robot(options.robot), picture, poses=options.poses)
+    except M4Error as error:
+        parser.exit(2, f"{parser.prog}: {error}\n")
     print(f"wrote {picture}")

@@ -94,11 +94,12 @@ def draw_climb(dataset: xarray.Dataset, robot: Robot, *, poses: int = 5) -> Figu
         layer = 10.0 * (order + 1)
         _draw_pose(axes, outlines[order], fade, layer)
         place = contact[0][index]
-        if np.isfinite(place).all():
-            normal = _normal_at(profile, float(place[0]))
-            if friction is not None:
-                _draw_cone(axes, place, normal, float(friction), layer + 6.0, fade)
-            axes.text(*_pair(place - 0.13 * normal), f"{frames.time[index]:.1f} s", **_LABEL)
+        touching = bool(np.isfinite(place).all())
+        below = place if touching else _ground_below(profile, float(frames.com[index, 0]))
+        normal = _normal_at(profile, float(below[0]))
+        axes.text(*_pair(below - 0.12 * normal), f"{frames.time[index]:.1f} s", **_LABEL)
+        if touching and friction is not None:
+            _draw_cone(axes, place, normal, float(friction), layer + 6.0, fade)
         _draw_arrow(axes, place, contact[1][index], CONTACT_COLOUR, layer + 8.0, fade)
         _draw_arrow(axes, thrust[0][index], thrust[1][index], THRUST_COLOUR, layer + 8.0, fade)
         com = frames.com[index, [0, 2]]
@@ -147,6 +148,10 @@ def _normal_at(profile: NDArray[np.float64], x: float) -> NDArray[np.float64]:
     piece = int(np.clip(np.searchsorted(profile[:, 0], x) - 1, 0, len(profile) - 2))
     step = profile[piece + 1] - profile[piece]
     return np.asarray(np.array([-step[1], step[0]]) / np.linalg.norm(step))
+
+
+def _ground_below(profile: NDArray[np.float64], x: float) -> NDArray[np.float64]:
+    return np.array([x, np.interp(x, profile[:, 0], profile[:, 1])])
 
 
 def _pair(place: NDArray[np.float64]) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from m4_dynamics.view.style import (
     COLOURS,
     draw_limit,
     dress_axes,
-    label_line,
+    label_lines,
     new_figure,
     run_subtitle,
     save_figure,
@@ -100,7 +100,7 @@ def draw_states(dataset: xarray.Dataset, *, thrust_limit: float | None = None) -
         )
         dress_axes(axes, title=title, ylabel=ylabel)
         tight_limits(axes, scale * state[:, column], scale * reference[:, column], least_span=least_span)
-    label_line(panels[0, 0], location="upper left")
+    label_lines(panels[0, 0])
     _draw_duty(panels[2, 0], dataset, time, inputs[:, 0], inputs_reference[:, 0])
     _draw_thrust(panels[2, 1], time, inputs[:, 1], inputs_reference[:, 1], thrust_limit)
 
@@ -116,7 +116,7 @@ def draw_states(dataset: xarray.Dataset, *, thrust_limit: float | None = None) -
     panels[3, 1].plot(time, error[:, 1], color=COLOURS["purple"], linewidth=1.6, label="pitch")
     dress_axes(panels[3, 1], title="Tracking error", ylabel="reference − actual [deg]", xlabel=_TIME_LABEL)
     tight_limits(panels[3, 1], error[:, :2], include=(0.0,), least_span=1.0)
-    label_line(panels[3, 1])
+    label_lines(panels[3, 1])
 
     _finish(figure, panels.ravel(), time, dataset, "States, references and inputs")
     return figure
@@ -149,7 +149,9 @@ def draw_ground_forces(dataset: xarray.Dataset) -> Figure:
     _draw_sources(panels[0], time, reserve, "Friction reserve", r"$\mu_s f_n - |f_x|$ [N]", 0.0, "slips below", "below")
     _draw_sources(panels[1], time, normal, "Normal force, both wheels", r"$f_n$ [N]", 0.0, "lifts off below", "below")
     _draw_sources(panels[2], time, use, "Friction use", r"$|f_x|\,/\,\mu_s f_n$ [-]", 1.0, "slips above", "above")
-    label_line(panels[0])
+    # The model's forces mean nothing once the robot lies on the ground; they would flatten the rest.
+    panels[2].set_ylim(top=min(panels[2].get_ylim()[1], 1.6))
+    label_lines(panels[0])
     _draw_slip(panels[3], dataset, time)
     _draw_cost(panels[4], dataset, time)
     _finish(figure, panels, time, dataset, "Ground forces, slip and cost")
@@ -195,15 +197,17 @@ def _draw_duty(
     driven = [index for index in range(wheel_duty.shape[1]) if np.nanmax(np.abs(wheel_duty[:, index]), initial=0.0) > 0]
     for order, index in enumerate(driven):
         colour = (COLOURS["sky"], COLOURS["orange"], COLOURS["green"], COLOURS["purple"])[order % 4]
+        # A wheel's duty counts about its joint's axis, which may point either way; here forward is up for all.
+        forward = -1.0 if np.nansum(wheel_duty[:, index] * duty) < 0.0 else 1.0
         label = _wheel_label(dataset, index)
-        axes.plot(time, wheel_duty[:, index], color=colour, linewidth=1.0, alpha=0.8, label=label)
+        axes.plot(time, forward * wheel_duty[:, index], color=colour, linewidth=1.0, alpha=0.8, label=label)
     axes.plot(time, duty, color=_ACTUAL, linewidth=1.8, label="mean")
     axes.plot(time, reference, color=_REFERENCE, linewidth=1.3, linestyle="--", label="reference")
     dress_axes(axes, title="Motor duty", ylabel=r"$u_m$ [-]")
     axes.set_ylim(-1.18, 1.18)
     draw_limit(axes, 1.0, "limit")
     draw_limit(axes, -1.0, "limit")
-    label_line(axes, location="lower left")
+    label_lines(axes, leave_out=("mean", "reference"))
 
 
 def _draw_thrust(
@@ -245,15 +249,16 @@ def _draw_slip(axes: Axes, dataset: xarray.Dataset, time: NDArray[np.float64]) -
     slip = 1e3 * _values(dataset, "slip_speed")
     floor = 1e-3  # [mm/s]; below it a contact stands still for any purpose
     touching = [index for index in range(slip.shape[1]) if np.nanmax(slip[:, index], initial=0.0) > 0.0]
-    for colour, index in zip(series_colours(len(touching)), touching, strict=True):
+    for order, (colour, index) in enumerate(zip(series_colours(len(touching)), touching, strict=True)):
+        dash = "-" if order % 2 == 0 else (0, (4, 1.5))
         label = _wheel_label(dataset, index)
-        axes.plot(time, np.maximum(slip[:, index], floor), color=colour, linewidth=1.3, label=label)
+        axes.plot(time, np.maximum(slip[:, index], floor), color=colour, linewidth=1.4, linestyle=dash, label=label)
     dress_axes(axes, title="Slip speed of the contact points", ylabel="[mm/s]")
     axes.set_yscale("log")
     axes.set_ylim(floor, max(30.0, 2.0 * float(np.nanmax(slip, initial=0.0))))
     draw_limit(axes, _SLIDING_MM_S, f"sliding above {_SLIDING_MM_S:g} mm/s")
     if touching:
-        label_line(axes, location="lower right")
+        label_lines(axes)
 
 
 def _draw_cost(axes: Axes, dataset: xarray.Dataset, time: NDArray[np.float64]) -> None:
@@ -271,7 +276,7 @@ def _draw_cost(axes: Axes, dataset: xarray.Dataset, time: NDArray[np.float64]) -
     dress_axes(axes, title="Cost", ylabel=r"$J$ [-]", xlabel=_TIME_LABEL)
     if drawn:
         axes.set_yscale("log")
-        label_line(axes, location="upper right")
+        label_lines(axes)
     else:
         axes.text(0.5, 0.5, "this controller reports no cost", transform=axes.transAxes, ha="center", va="center")
 
