@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from m4_dynamics.errors import ResultFileError
+from m4_dynamics.view.friction import friction_use_in_plane, worst_wheel
 from m4_dynamics.view.style import (
     COLOURS,
     draw_limit,
@@ -142,13 +143,18 @@ def draw_ground_forces(dataset: xarray.Dataset) -> Figure:
     sources = {"simulated": _values(dataset, "ground_force_simulated"), "model": _values(dataset, "ground_force_model")}
     reserve = {name: friction * force[:, 1] - np.abs(force[:, 0]) for name, force in sources.items()}
     normal = {name: force[:, 1] for name, force in sources.items()}
-    use = {name: _friction_use(force, friction) for name, force in sources.items()}
+    use = {name: friction_use_in_plane(force, friction) for name, force in sources.items()}
 
     figure = new_figure(width=10.0, height=10.5)
     panels = figure.subplots(5, 1, sharex=True)
     _draw_sources(panels[0], time, reserve, "Friction reserve", r"$\mu_s f_n - |f_x|$ [N]", 0.0, "slips below", "below")
     _draw_sources(panels[1], time, normal, "Normal force, both wheels", r"$f_n$ [N]", 0.0, "lifts off below", "below")
     _draw_sources(panels[2], time, use, "Friction use", r"$|f_x|\,/\,\mu_s f_n$ [-]", 1.0, "slips above", "above")
+    if "friction_use" in dataset:
+        # The reduced model knows nothing of sideways forces, which use up friction too.
+        worst = worst_wheel(_values(dataset, "friction_use"))
+        panels[2].plot(time, worst, color=COLOURS["purple"], linewidth=1.1, label="worst wheel, sideways included")
+        label_lines(panels[2], leave_out=("simulated contact", "model of the controller"))
     # The model's forces mean nothing once the robot lies on the ground; they would flatten the rest.
     panels[2].set_ylim(top=min(panels[2].get_ylim()[1], 1.6))
     label_lines(panels[0])
@@ -174,15 +180,6 @@ def _values(dataset: xarray.Dataset, name: str) -> NDArray[np.float64]:
 
 def _wheel_label(dataset: xarray.Dataset, index: int) -> str:
     return str(dataset["wheel"].values[index]).replace("_", " ") if "wheel" in dataset.coords else f"wheel {index + 1}"
-
-
-def _friction_use(force: NDArray[np.float64], friction: float) -> NDArray[np.float64]:
-    """Share of the available friction in use, NaN where the wheels don't press on the ground."""
-    available = friction * force[:, 1]
-    use: NDArray[np.float64] = np.divide(
-        np.abs(force[:, 0]), available, out=np.full(len(force), np.nan), where=available > 1e-9
-    )
-    return use
 
 
 def _draw_duty(
