@@ -61,9 +61,10 @@ def time_derivative(
     q: Array,
     v: Array,
     acceleration: Array,
-    step: float = 1e-5,
+    step: float = 1e-6,
 ) -> Array:
     """d/dt of a function of (q, v) along the motion."""
     ahead = np.asarray(function(*along_flow(model, q, v, acceleration, step)), dtype=float)
     behind = np.asarray(function(*along_flow(model, q, v, acceleration, -step)), dtype=float)
-    return (ahead - behind) / (2.0 * step)
+    rate: Array = (ahead - behind) / (2.0 * step)
+    return rate

@@ -19,4 +19,5 @@ def random_configuration(model: pin.Model, rng: np.random.Generator, *, height: 
 
 def random_velocity(model: pin.Model, rng: np.random.Generator, *, scale: float = 2.0) -> Array:
     """Every entry within +-scale."""
-    return rng.uniform(-scale, scale, model.nv)
+    v: Array = rng.uniform(-scale, scale, model.nv)
+    return v
