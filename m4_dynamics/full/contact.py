@@ -129,6 +129,9 @@ def friction_coefficient(ground: Ground, sliding_speed: ArrayLike) -> Array:
 
     Returns:
         The coefficient, same shape.
+
+    Raises:
+        NonFiniteError: An entry is NaN or infinite.
     """
     packed = pack_ground(ground)
     speeds = np.asarray(sliding_speed, dtype=float)
@@ -147,9 +150,14 @@ def normal_force(ground: Ground, depth: ArrayLike, depth_rate: ArrayLike) -> Arr
 
     Returns:
         The force [N], same shape.
+
+    Raises:
+        NonFiniteError: An entry is NaN or infinite.
     """
     packed = pack_ground(ground)
     depths, rates = np.broadcast_arrays(np.asarray(depth, dtype=float), np.asarray(depth_rate, dtype=float))
+    require_finite("depth", depths)
+    require_finite("depth rate", rates)
     pairs = zip(depths.ravel(), rates.ravel(), strict=True)
     values = [kernels.normal_force(float(d), float(rate), packed)[0] for d, rate in pairs]
     return np.array(values).reshape(depths.shape)
