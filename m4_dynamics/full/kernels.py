@@ -98,8 +98,6 @@ def _add_contact(
     gap: float,
     scale: float,
 ) -> int:
-    if count >= contacts.shape[0]:
-        return count
     contacts[count, CONTACT_X] = position[0]
     contacts[count, CONTACT_Y] = position[1]
     contacts[count, CONTACT_Z] = position[2]
@@ -136,7 +134,8 @@ def find_contacts(
 
     A wheel is a thin disc. On a segment it touches with the rim's deepest point along the normal, if that point lies
     within the segment; at a convex corner, beyond both segments, it touches with the rim's point nearest to the corner
-    line, whose normal turns continuously from one segment's to the other's.
+    line, whose normal turns continuously from one segment's to the other's. A point touches the nearest segment or
+    corner.
 
     Args:
         poses: Joint placements in the world, shape (njoints, 12).
@@ -147,7 +146,7 @@ def find_contacts(
         contacts, joints, owners: Filled: contact table, joint index, owner (wheel index, then point index).
 
     Returns:
-        The number of contacts.
+        The number of contacts, at most one for each wheel or point and segment.
     """
     axis = np.empty(3)
     position = np.empty(3)
@@ -169,10 +168,12 @@ def find_contacts(
             wx, wy, wz = nx - along_axis * axis[0], -along_axis * axis[1], nz - along_axis * axis[2]
             size = math.sqrt(wx * wx + wy * wy + wz * wz)
             reach = radius / size if size > 1e-9 else 0.0
-            position[0], position[1], position[2] = px - reach * wx, py - reach * wy, pz - reach * wz
-            s = (position[0] - ax) * tx + (position[2] - az) * tz
+            # The point of the wheel's plane on the segment's plane below the centre decides whose contact it is: in the
+            # wheel's plane the ground is a polyline too. A wheel lying flat has none; its rim must do.
+            foot = min(centre_height / (size * size), 2.0 * reach) if size > 1e-9 else 0.0
+            s = (px - foot * wx - ax) * tx + (pz - foot * wz - az) * tz
             before_start = k > 0 and s < 0.0
-            if past_previous and before_start and abs(axis[1]) > 0.1:
+            if past_previous and before_start and abs(axis[1]) > 1e-6:
                 # Between two segments: the corner line through (ax, az) meets the wheel's plane at `corner_y`.
                 corner_y = py + ((px - ax) * axis[0] + (pz - az) * axis[2]) / axis[1]
                 rx, ry, rz = px - ax, py - corner_y, pz - az
@@ -182,7 +183,10 @@ def find_contacts(
                     vx = axis[1] * rz - axis[2] * ry
                     vz = axis[0] * ry - axis[1] * rx
                     norm = math.sqrt(vx * vx + vz * vz)
-                    cx, cz = -vz / norm, vx / norm
+                    if norm > 1e-9 * distance:
+                        cx, cz = -vz / norm, vx / norm
+                    else:  # the rim runs along the corner line, any normal between the segments' does
+                        cx, cz = nx, nz
                     if cx * rx + cz * rz < 0.0:
                         cx, cz = -cx, -cz
                     gap = (distance - radius) * (cx * rx + cz * rz) / distance
@@ -198,6 +202,7 @@ def find_contacts(
             if not before_start and not past_previous:
                 gap = centre_height - reach * size * size
                 if -DEPTH_LIMIT < gap < margin:
+                    position[0], position[1], position[2] = px - reach * wx, py - reach * wy, pz - reach * wz
                     count = _add_contact(
                         contacts, joints, owners, count, wheel_joints[wheel], wheel, position, nx, nz, gap, scale
                     )
@@ -206,17 +211,38 @@ def find_contacts(
         _to_world(pose, point_positions[point], position)
         for i in range(3):
             position[i] += pose[9 + i]
+        previous_gap = math.inf
+        past_previous = False
         for k in range(n_segments):
             dx, dz = position[0] - segments[k, 0], position[2] - segments[k, 1]
-            gap = dx * segments[k, 4] + dz * segments[k, 5]
-            if not -DEPTH_LIMIT < gap < margin:
-                continue
+            nx, nz, scale = segments[k, 4], segments[k, 5], segments[k, 7]
             s = dx * segments[k, 2] + dz * segments[k, 3]
-            if (s >= 0.0 or k == 0) and (s < segments[k, 6] or k == n_segments - 1):
-                count = _add_contact(
-                    contacts, joints, owners, count, point_joints[point], n_wheels + point, position, segments[k, 4],
-                    segments[k, 5], gap, segments[k, 7],
-                )  # fmt: skip
+            gap = dx * nx + dz * nz
+            before_start = k > 0 and s < 0.0
+            if past_previous and before_start:
+                # Between two segments the corner is nearest: outside a convex one, or pressed into a concave one.
+                distance = math.sqrt(dx * dx + dz * dz)
+                sign = 1.0 if gap > 0.0 else -1.0
+                if distance > 1e-12 and -DEPTH_LIMIT < sign * distance < margin:
+                    count = _add_contact(
+                        contacts, joints, owners, count, point_joints[point], n_wheels + point, position,
+                        sign * dx / distance, sign * dz / distance, sign * distance, min(scale, segments[k - 1, 7]),
+                    )  # fmt: skip
+            # Below a convex corner, where both segments claim the point, the nearer face pushes it out.
+            claimed_before = k > 0 and not past_previous and previous_gap < 0.0 and previous_gap >= gap
+            past_previous = k < n_segments - 1 and s >= segments[k, 6]
+            previous_gap = gap
+            if before_start or past_previous or claimed_before or not -DEPTH_LIMIT < gap < margin:
+                continue
+            if gap < 0.0 and k < n_segments - 1:
+                next_dx, next_dz = position[0] - segments[k + 1, 0], position[2] - segments[k + 1, 1]
+                next_gap = next_dx * segments[k + 1, 4] + next_dz * segments[k + 1, 5]
+                next_s = next_dx * segments[k + 1, 2] + next_dz * segments[k + 1, 3]
+                if next_s >= 0.0 and gap < next_gap < 0.0:
+                    continue
+            count = _add_contact(
+                contacts, joints, owners, count, point_joints[point], n_wheels + point, position, nx, nz, gap, scale
+            )
     return count
 
 
@@ -568,7 +594,7 @@ def implicit_step(
     nv = velocity.shape[0]
     n_wheels = wheel_joints.shape[0]
     n_servos = servo_indices.shape[0]
-    capacity = 2 * n_wheels + point_joints.shape[0] + 4
+    capacity = (n_wheels + point_joints.shape[0]) * segments.shape[0]
     contacts = np.empty((capacity, CONTACT_COLUMNS))
     joints = np.empty(capacity, np.int64)
     owners = np.empty(capacity, np.int64)
@@ -735,7 +761,7 @@ def explicit_forces(
 ) -> None:  # fmt: skip
     """Ground, thrust and external forces at the present state: adds them to `out` (nv,); see `implicit_step`."""
     n_wheels = wheel_joints.shape[0]
-    capacity = 2 * n_wheels + point_joints.shape[0] + 4
+    capacity = (n_wheels + point_joints.shape[0]) * segments.shape[0]
     contacts = np.empty((capacity, CONTACT_COLUMNS))
     joints = np.empty(capacity, np.int64)
     owners = np.empty(capacity, np.int64)
