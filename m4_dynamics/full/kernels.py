@@ -40,6 +40,10 @@ STATISTICS_COLUMNS = 10
 SLIP_THRESHOLD = 5.0e-3
 #: A contact deeper than this is another segment's back side, not a contact [m].
 DEPTH_LIMIT = 0.06
+#: An implicit step looks ahead: a contact whose gap will be below this at the end takes part [m],
+CONTACT_MARGIN = 2.0e-3
+#: if it does not approach faster than this [m/s].
+APPROACH_SPEED_LIMIT = 20.0
 #: Newton stops when no contact velocity moves by more than this part of the stiction speed.
 NEWTON_TOLERANCE = 1.0e-3
 NEWTON_CAP = 60
@@ -502,6 +506,26 @@ def newton_step_length(v1: float, v2: float, d1: float, d2: float, stiction_spee
 
 
 @njit(cache=True)
+def newton_step_length_normal(depth: float, new_depth: float, width: float) -> float:
+    """Largest part of a Newton step of the depth that does not jump over the transition width.
+
+    The normal force rises from nothing to the whole spring and damper within the width. A step from one side to the
+    other sees the slope of the wrong side and the next one jumps back, for ever at a hard landing; stopped in the
+    middle, where the law is steepest, Newton finds the force between.
+
+    Args:
+        depth, new_depth: Depth at the end of the time step, before and after the Newton step [m].
+        width: Transition width of the normal force [m].
+
+    Returns:
+        The part in (0, 1].
+    """
+    if (depth >= width and new_depth <= 0.0) or (depth <= 0.0 and new_depth >= width):
+        return (0.5 * width - depth) / (new_depth - depth)
+    return 1.0
+
+
+@njit(cache=True)
 def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: Any, dt: float, velocity: Any,
                    force: Any) -> int:  # fmt: skip
     """Newton on the contact velocities: v = v_free + dt W f(v).
@@ -548,7 +572,9 @@ def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: 
         for i in range(count):
             k = 3 * i
             limited = newton_step_length(velocity[k], velocity[k + 1], b[k], b[k + 1], ground[STICTION_SPEED])
-            part = min(part, limited)
+            depth = -contacts[i, GAP] - dt * velocity[k + 2]
+            limited_normal = newton_step_length_normal(depth, depth - dt * b[k + 2], ground[TRANSITION_WIDTH])
+            part = min(part, limited, limited_normal)
             largest = max(largest, abs(b[k]), abs(b[k + 1]), abs(b[k + 2]))
         for row in range(n):
             velocity[row] += part * b[row]
@@ -598,8 +624,22 @@ def implicit_step(
     contacts = np.empty((capacity, CONTACT_COLUMNS))
     joints = np.empty(capacity, np.int64)
     owners = np.empty(capacity, np.int64)
-    count = find_contacts(poses, wheel_joints, wheel_axes, wheel_radii, point_joints, point_positions, segments,
-                          2.0e-3, contacts, joints, owners)  # fmt: skip
+    found = find_contacts(poses, wheel_joints, wheel_axes, wheel_radii, point_joints, point_positions, segments,
+                          CONTACT_MARGIN + dt * APPROACH_SPEED_LIMIT, contacts, joints, owners)  # fmt: skip
+    # Of the contacts nearby, only those take part that come within the margin by the end of the step.
+    rows = np.empty((3 * found, nv))
+    count = 0
+    for i in range(found):
+        row = 3 * count
+        contact_jacobian(jacobians, support, contacts[i], joints[i], rows[row : row + 3])
+        approach = 0.0
+        for c in range(nv):
+            approach += rows[row + 2, c] * velocity[c]
+        if contacts[i, GAP] + dt * min(approach, 0.0) < CONTACT_MARGIN:
+            contacts[count] = contacts[i]
+            joints[count] = joints[i]
+            owners[count] = owners[i]
+            count += 1
 
     # Forces that do not depend on the new velocity: bias, thrust, external wrench, motor stall torque.
     applied = np.empty(nv)
@@ -613,14 +653,11 @@ def implicit_step(
 
     factor = np.empty((nv, nv))
     new_velocity = np.empty(nv)
-    rows = np.empty((3 * count, nv))
     scaled = np.empty((3 * count, nv))
     delassus = np.empty((3 * count, 3 * count))
     free = np.empty(3 * count)
     contact_velocity = np.empty(3 * count)
     force = np.empty(3 * count)
-    for i in range(count):
-        contact_jacobian(jacobians, support, contacts[i], joints[i], rows[3 * i : 3 * i + 3])
     saturated = np.zeros(n_servos)
     for _ in range(n_servos + 1):
         # Servos at their torque limit push with it; the others are springs and dampers, implicit.

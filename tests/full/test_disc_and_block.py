@@ -155,48 +155,59 @@ def test_landing_loses_energy_and_ends_at_the_static_depth(tmp_path: Path, drop:
     robot = block(tmp_path)
     model = FullModel.build(robot)
     stepper = ImplicitStepper(model, 1e-3)
+    k, w = robot.ground.stiffness, robot.ground.transition_width
+
+    def elastic(depth: float) -> float:
+        """Energy in the four corners' springs: the integral of k d (d / w)^2 (3 - 2 d / w), then of k d."""
+        x = min(max(depth, 0.0), w) / w
+        return 4.0 * k * (w * w * (0.75 * x**4 - 0.4 * x**5) + 0.5 * (max(depth, w) ** 2 - w * w))
+
     q = pin.neutral(robot.model)
     q[2] = BLOCK_HALF_SIZE[2] + drop
     stepper.reset(q)
     heights, totals = [], []
     for _ in range(1500):
         stepper.step()
-        heights.append(stepper.configuration[2])
-        totals.append(energies(model, stepper.configuration, stepper.velocity).total)
-    ground = robot.ground
-    # Each corner carries a quarter, within the transition width w: k d (d / w)^2 (3 - 2 d / w) = m g / 4.
-    k, w = ground.stiffness, ground.transition_width
+        heights.append(stepper.configuration[2] - BLOCK_HALF_SIZE[2])
+        totals.append(energies(model, stepper.configuration, stepper.velocity).total + elastic(-heights[-1]))
+    # Each corner carries a quarter, within the transition width.
     static = brentq(lambda d: k * d * (d / w) ** 2 * (3.0 - 2.0 * d / w) - 0.25 * BLOCK_MASS * GRAVITY, 0.0, w)
-    assert heights[-1] == pytest.approx(BLOCK_HALF_SIZE[2] - static, abs=1e-9)
-    # An inelastic landing: it does not rise again by more than a fiftieth of its fall, nor sink far.
-    landed = int(np.argmin(heights))
-    assert max(heights[landed:]) - BLOCK_HALF_SIZE[2] < 0.02 * drop
-    deepest = math.sqrt(BLOCK_MASS * 2.0 * GRAVITY * drop / (4.0 * k)) + 2.0 * static
-    assert BLOCK_HALF_SIZE[2] - min(heights) < deepest
-    assert max(np.diff(totals)) < 1e-3 * totals[0]
+    assert heights[-1] == pytest.approx(-static, abs=1e-9)
+    # The implicit step only ever takes energy, and the damper most of it: hardly any rebound.
+    assert max(np.diff(totals)) < 1e-9
+    assert max(heights[int(np.argmin(heights)) :]) < 0.02 * drop
+    # Without a damper and without the soft first part it would sink by this much.
+    assert -min(heights) < math.sqrt(2.0 * BLOCK_MASS * GRAVITY * drop / (4.0 * k)) + w + 2.0 * static
     assert stepper.counters.newton_failures == 0
 
 
-def test_a_block_pushed_into_a_corner_stays_above_the_ground(tmp_path: Path) -> None:
-    """It slides on level ground into the foot of a 45 deg face at 2 m/s and neither sinks in nor falls through."""
+@pytest.mark.parametrize(("start", "speed", "deepest"), [(5e-5, 0.0, 2e-4), (-5e-3, 2.0, 5e-3)])
+def test_a_block_pushed_into_a_corner_stays_above_the_ground(
+    tmp_path: Path, start: float, speed: float, deepest: float
+) -> None:
+    """Its lower edge rests at, or slides to, the foot of a 45 deg face and is pressed there: it does not fall through.
+
+    Without damping, the edge's two corners would stop an impact of 2 m/s on the face within 5.5 mm.
+    """
     robot = block(tmp_path, friction_static=0.2)
     model = FullModel.build(robot, ramp_terrain(math.radians(45.0)))
     stepper = ImplicitStepper(model, 1e-3)
     q, v = pin.neutral(robot.model), np.zeros(6)
-    q[0], q[2] = -1.5 * BLOCK_HALF_SIZE[0], BLOCK_HALF_SIZE[2]
-    v[0] = 2.0
+    q[0], q[2] = start - BLOCK_HALF_SIZE[0], BLOCK_HALF_SIZE[2] - 1e-4
+    v[0] = speed
     stepper.reset(q, v)
+    stepper.actuation.external_wrench[0] = 8.0
     data = robot.model.createData()
-    touched = False
-    for _ in range(1500):
+    furthest = -math.inf
+    for _ in range(1000):
         stepper.step()
-        pin.framesForwardKinematics(robot.model, data, stepper.configuration)
+        pin.forwardKinematics(robot.model, data, stepper.configuration)
         for point in robot.contact_points:
             x, _, z = data.oMi[point.joint_id].act(point.position_in_joint)
-            depth = min(-z, (x - z) / math.sqrt(2.0)) if x > 0.0 else -z
-            assert depth < 5e-3, (point.name, stepper.time)
-            touched = touched or x > 0.0
-    assert touched
+            furthest = max(furthest, x)
+            above = z if x < 0.0 else (z - x) / math.sqrt(2.0)
+            assert above > -deepest, (point.name, stepper.time)
+    assert furthest > 0.0
     assert stepper.counters.newton_failures == 0
 
 
