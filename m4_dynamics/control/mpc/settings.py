@@ -56,7 +56,7 @@ class MpcSettings:
     terminal_cost: TerminalCost = "riccati"
     ground_constraints: bool = True
     friction_static: float = 0.8
-    friction_fraction: float = 0.8
+    friction_fraction: float = 0.9
     normal_force_min: float = 5.0
     duty_limits: tuple[float, float] = (-1.0, 1.0)
     thrust_limits: tuple[float, float] = (0.0, 43.2)
