@@ -30,7 +30,7 @@ for top_floor in ("feasibility", "view", "bench", "cli"):
 #: Third-party module -> the only floors (or files) that may import it. Modules that are not listed are free.
 RESERVED: dict[str, set[str]] = {
     "pinocchio": {"robot", "full", "reduced.reduction", "simulation", "feasibility", "view", "bench", "cli"},
-    "coal": {"robot", "full", "simulation", "feasibility", "view"},
+    "coal": {"robot", "full", "reduced.reduction", "simulation", "feasibility", "view"},
     "hppfcl": set(),
     "proxsuite": {"control.mpc", "bench"},
     "casadi": {"bench"},
