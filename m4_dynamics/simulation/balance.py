@@ -49,9 +49,7 @@ def drive_wheels(robot: Robot, frame: BalanceFrame) -> DriveWheels:
     names = [wheel.joint for wheel in robot.wheels]
     left, right = np.argsort(-np.asarray(frame.wheel_offsets))
     joints, signs = frame.wheel_joints, frame.wheel_signs
-    return DriveWheels(
-        names.index(joints[left]), names.index(joints[right]), float(signs[left]), float(signs[right])
-    )
+    return DriveWheels(names.index(joints[left]), names.index(joints[right]), float(signs[left]), float(signs[right]))
 
 
 def balance_estimator(robot: Robot, reduction: Reduction, *, slope: float) -> BalanceEstimator:

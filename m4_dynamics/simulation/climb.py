@@ -375,7 +375,9 @@ def _simulate(climb: Climb, on_progress: Callable[[float], None] | None) -> str 
         for k in range(count):
             loop.advance()
             if abs(loop.estimator.pitch - pitch_reference[k]) > FALL_ANGLE:
-                return f"fell: it leaned {math.degrees(FALL_ANGLE):.0f} deg away from its reference at {plant.time:.2f} s"
+                return (
+                    f"fell: it leaned {math.degrees(FALL_ANGLE):.0f} deg away from its reference at {plant.time:.2f} s"
+                )
             if k % 20 == 0:
                 if stepper.point_force_in_world.any() or stepper.wheel_force_in_world[idle].any():
                     return f"fell: the body touched the ground at {plant.time:.2f} s"

@@ -1,10 +1,10 @@
 """The full model as a plant with a control rate: reset, step, measure. People's own controllers plug in here.
 
-    plant = Plant(FullModel.build(load_robot(), incline_terrain(slope)))
-    measurement = plant.reset(configuration)
-    while plant.time < 10.0:
-        plant.command.wheel_duty[:] = ...
-        measurement = plant.step()
+plant = Plant(FullModel.build(load_robot(), incline_terrain(slope)))
+measurement = plant.reset(configuration)
+while plant.time < 10.0:
+    plant.command.wheel_duty[:] = ...
+    measurement = plant.step()
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True)
-def _drive_actuators(duty_command: Any, thrust_command: Any, thrust_limit: Any, lag: Any, duty: Any, thrust: Any) -> None:
+def _drive_actuators(
+    duty_command: Any, thrust_command: Any, thrust_limit: Any, lag: Any, duty: Any, thrust: Any
+) -> None:
     """Limit the commands; the thrust follows with the rotor's lag (the part of the way it goes in one sample)."""
     for i in range(duty.shape[0]):
         duty[i] = min(1.0, max(-1.0, duty_command[i]))

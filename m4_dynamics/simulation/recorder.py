@@ -67,7 +67,12 @@ class Recorder:
         self.control_seconds = np.zeros(n)
 
     def record_decision(
-        self, state: Array, heading: float, inputs: Array, differential: float, diagnostics: Diagnostics,
+        self,
+        state: Array,
+        heading: float,
+        inputs: Array,
+        differential: float,
+        diagnostics: Diagnostics,
         seconds: float,
     ) -> None:
         """Record what the controller saw and did; call before the plant steps."""

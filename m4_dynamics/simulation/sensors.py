@@ -149,7 +149,9 @@ def disturb(
     out[4:7] += model.gyro_bias + model.gyro_noise * generator.standard_normal(3)
     out[7:10] += model.accelerometer_noise * generator.standard_normal(3)
     if model.encoder_resolution > 0.0:
-        angles = model.encoder_resolution * np.round(exact[IMU_ENTRIES : IMU_ENTRIES + wheels] / model.encoder_resolution)
+        angles = model.encoder_resolution * np.round(
+            exact[IMU_ENTRIES : IMU_ENTRIES + wheels] / model.encoder_resolution
+        )
         out[IMU_ENTRIES : IMU_ENTRIES + wheels] = angles
         out[IMU_ENTRIES + wheels :] = (angles - previous_wheel_angles) / period
     return out

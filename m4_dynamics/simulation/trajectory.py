@@ -7,7 +7,6 @@ reduced model. A reader of the file needs nothing else: units and meaning are in
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from m4_dynamics.control.reference import ReferenceTrajectory
 from m4_dynamics.errors import ResultFileError
 from m4_dynamics.full import kernels
 from m4_dynamics.full.model import FullModel
+from m4_dynamics.output import replacing
 from m4_dynamics.reduced.ground_force import ground_force_in_slope
 from m4_dynamics.reduced.reduction import Reduction
 from m4_dynamics.simulation.balance import drive_wheels
@@ -254,16 +254,9 @@ def save_trajectory(dataset: xarray.Dataset, path: Path | str) -> Path:
         ResultFileError: The file cannot be written.
     """
     target = Path(path)
-    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
     encoding = {name: {"zlib": True, "complevel": 3} for name in dataset.data_vars}
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        dataset.to_netcdf(beside, engine="h5netcdf", encoding=encoding)
-        beside.replace(target)
-    except OSError as error:
-        raise ResultFileError(f"cannot write the trajectory {target}: {error}") from error
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(target) as partial:
+        dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
     return target
 
 
