@@ -194,10 +194,8 @@ def _draw_duty(
     driven = [index for index in range(wheel_duty.shape[1]) if np.nanmax(np.abs(wheel_duty[:, index]), initial=0.0) > 0]
     for order, index in enumerate(driven):
         colour = (COLOURS["sky"], COLOURS["orange"], COLOURS["green"], COLOURS["purple"])[order % 4]
-        # A wheel's duty counts about its joint's axis, which may point either way; here forward is up for all.
-        forward = -1.0 if np.nansum(wheel_duty[:, index] * duty) < 0.0 else 1.0
         label = _wheel_label(dataset, index)
-        axes.plot(time, forward * wheel_duty[:, index], color=colour, linewidth=1.0, alpha=0.8, label=label)
+        axes.plot(time, wheel_duty[:, index], color=colour, linewidth=1.0, alpha=0.8, label=label)
     axes.plot(time, duty, color=_ACTUAL, linewidth=1.8, label="mean")
     axes.plot(time, reference, color=_REFERENCE, linewidth=1.3, linestyle="--", label="reference")
     dress_axes(axes, title="Motor duty", ylabel=r"$u_m$ [-]")

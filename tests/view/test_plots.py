@@ -89,13 +89,6 @@ def test_sideways_forces_count_where_they_are_recorded(climb: xarray.Dataset) ->
     assert "worst wheel, sideways included" not in lines_of(draw_ground_forces(climb), "Friction use")
 
 
-def test_wheel_duties_count_forwards(climb: xarray.Dataset) -> None:
-    reversed_joints = climb.copy(deep=True)
-    reversed_joints["wheel_duty"] *= -1.0
-    drawn = lines_of(draw_states(reversed_joints), "Motor duty")["rear left wheel"]
-    np.testing.assert_allclose(drawn, climb.wheel_duty.values[:, 2])
-
-
 def test_lost_contact_leaves_a_gap_in_the_friction_use(climb: xarray.Dataset) -> None:
     airborne = climb.copy(deep=True)
     airborne["ground_force_simulated"][100:120] = 0.0
