@@ -20,7 +20,7 @@ from m4_dynamics.reduced.trim import TrimLimits, select_trim, trim_at_pitch, tri
 SLOPE = math.radians(45.0)
 
 #: A body that is a disc about the axle, 5 mm smaller than the wheels.
-DISC = 0.12 * np.column_stack([np.cos(np.linspace(0.0, 6.28, 400)), np.sin(np.linspace(0.0, 6.28, 400))])
+DISC = 0.12 * np.column_stack([np.cos(np.linspace(0.0, 6.28, 61)), np.sin(np.linspace(0.0, 6.28, 61))])
 
 
 @pytest.mark.parametrize(
@@ -263,3 +263,53 @@ def test_vertical_wall_without_friction_force_is_explained(hand_pendulum: MipPar
 def test_bad_limits_are_named(changes):
     with pytest.raises(InvalidSettingError, match=next(iter(changes))):
         TrimLimits(**changes)
+
+
+def test_refusal_of_a_given_pitch_speaks_of_that_pitch(hand_pendulum: MipParameters):
+    upright, hanging = trim_branches(hand_pendulum, SLOPE, 14.4)
+    assert upright.within_limits
+    with pytest.raises(NoTrimExists, match=r"at -171\.2 deg of pitch: friction.* and duty.* and pitch window"):
+        select_trim(hand_pendulum, SLOPE, criterion="pitch", pitch=hanging.pitch)
+    with pytest.raises(NoTrimExists, match=r"thrust: -\d+\.\d N is needed, 0 to 43.2 N is there"):
+        select_trim(hand_pendulum, SLOPE, criterion="pitch", pitch=math.radians(30.0))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    slope=st.floats(-1.6, 1.6),
+    friction=st.floats(0.05, 2.0),
+    thrust_max=st.floats(0.0, 80.0),
+    duty_max=st.floats(0.05, 1.0),
+    normal_force_min=st.floats(0.0, 60.0),
+    window=st.tuples(st.floats(-2.0, 0.0), st.floats(0.0, 2.0)),
+    speed=st.floats(-2.0, 2.0),
+    acceleration=st.floats(-3.0, 3.0),
+)
+def test_every_case_ends_in_a_trim_or_a_reason(
+    hand_pendulum: MipParameters,
+    slope,
+    friction,
+    thrust_max,
+    duty_max,
+    normal_force_min,
+    window,
+    speed,
+    acceleration,
+):
+    limits = TrimLimits(
+        friction_static=friction,
+        thrust_range=(0.0, thrust_max),
+        duty_max=duty_max,
+        normal_force_min=normal_force_min,
+        pitch_window=window,
+    )
+    try:
+        trim = select_trim(hand_pendulum, slope, limits=limits, speed=speed, acceleration=acceleration)
+    except NoTrimExists as refusal:
+        missed = ("friction", "thrust", "duty", "normal_force", "pitch_window", "equilibrium")
+        assert refusal.limit in missed  # noqa: PT017
+        assert "nan" not in str(refusal)  # noqa: PT017
+    else:
+        assert trim.within_limits
+        found = pendulum.acceleration(hand_pendulum, slope, trim.state, trim.inputs)
+        np.testing.assert_allclose(found, [acceleration / 0.125, 0.0], atol=1e-6)
