@@ -8,10 +8,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["STATE_LABELS", "BalanceController", "ControlStatus", "Diagnostics"]
-
-#: Names of the reduced state's entries, for messages.
-STATE_LABELS = ("wheel angle", "pitch", "wheel rate", "pitch rate")
+__all__ = ["BalanceController", "ControlStatus", "Diagnostics"]
 
 
 class ControlStatus(IntEnum):

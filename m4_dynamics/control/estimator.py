@@ -1,8 +1,8 @@
 """The reduced state from what the robot measures: wheel odometry and attitude (never the true axle position).
 
-phi is the absolute wheel angle: encoder angle + pitch, per wheel; forward travel is r times their mean, the heading comes
-from their difference. Rotations are decomposed as yaw about z, roll about x, pitch about y, so that the pitch turns about
-the axle.
+phi is the absolute wheel angle: encoder angle + pitch, per wheel; forward travel is r times their mean, the heading
+comes from their difference. Rotations are decomposed as yaw about z, roll about x, pitch about y, so that the pitch
+turns about the axle.
 """
 
 from __future__ import annotations

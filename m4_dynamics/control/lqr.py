@@ -110,7 +110,8 @@ class LqrController:
         error = x - self._reference.state[sample]
         inputs = self._reference.inputs[sample] - self.gains[index] @ error
         self._diagnostics = Diagnostics(cost=float(error @ self._costs[index] @ error))
-        return np.clip(inputs, self._lower, self._upper)
+        saturated: _Array = np.clip(inputs, self._lower, self._upper)
+        return saturated
 
 
 def _square(weights: ArrayLike) -> _Array:

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from m4_dynamics.errors import InvalidSettingError, NoTrimExists, require_finite, require_shape
+from m4_dynamics.reduced.equilibrium import equilibrium_pitches
 from m4_dynamics.reduced.pendulum import MipParameters, inverse_dynamics
 from m4_dynamics.reduced.trim import Trim
 
-__all__ = ["ReferenceTrajectory", "climb_reference", "pitch_at_acceleration"]
+__all__ = ["ReferenceTrajectory", "balancing_pitch", "climb_reference"]
 
 _Array = NDArray[np.float64]
 
@@ -105,9 +106,9 @@ def climb_reference(
 ) -> ReferenceTrajectory:
     """Rest, accelerate, cruise, stop and hold on one slope, as an exact solution of the reduced model.
 
-    The speed follows 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7 on each ramp: acceleration, jerk and snap start and end at zero, so
-    the pitch that balances the acceleration at the trim's thrust has continuous rates and accelerations, and so have the
-    inputs, which come from the inverse dynamics (paper, eq. eom_2d_v2).
+    The speed follows 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7 on each ramp: acceleration, jerk and snap start and end at zero,
+    so the pitch that balances the acceleration at the trim's thrust has continuous rates and accelerations, and so have
+    the inputs, which come from the inverse dynamics (paper, eq. eom_2d_v2).
 
     Args:
         parameters: The pendulum.
@@ -141,7 +142,7 @@ def climb_reference(
         least = start_time + 2.0 * ramp_time + hold_time
         raise InvalidSettingError("duration", duration, f"at least {least:g} s for rest, two ramps and hold")
 
-    time = dt * np.arange(round(duration / dt) + 1)
+    time: _Array = dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
     position = np.zeros_like(time)
     derivatives = np.zeros((4, len(time)))  # speed, acceleration, jerk, snap along the slope
     for ramp_start, sign in ((start_time, 1.0), (cruise_end, -1.0)):
@@ -151,69 +152,58 @@ def climb_reference(
     derivatives[:, time >= duration - hold_time] = 0.0  # rest is rest, without the rounding of the difference
     velocity, acceleration, jerk, snap = derivatives
 
+    pitch, pitch_a, pitch_aa = balancing_pitch(parameters, slope, trim, acceleration)
     radius = parameters.wheel_radius
-    state = np.zeros((len(time), 4))
-    inputs = np.zeros((len(time), 2))
-    for k in range(len(time)):
-        pitch, pitch_a, pitch_aa = pitch_at_acceleration(parameters, slope, trim, float(acceleration[k]))
-        pitch_rate = pitch_a * jerk[k]
-        pitch_acceleration = pitch_aa * jerk[k] ** 2 + pitch_a * snap[k]
-        state[k] = start_wheel_angle + position[k] / radius, pitch, velocity[k] / radius, pitch_rate
-        inputs[k] = inverse_dynamics(parameters, slope, state[k], (acceleration[k] / radius, pitch_acceleration))
+    state = np.column_stack([start_wheel_angle + position / radius, pitch, velocity / radius, pitch_a * jerk])
+    accelerations = np.column_stack([acceleration / radius, pitch_aa * jerk**2 + pitch_a * snap])
+    inputs = np.array(
+        [inverse_dynamics(parameters, slope, *sample) for sample in zip(state, accelerations, strict=True)]
+    )
     return ReferenceTrajectory(time, state, inputs, np.full(len(time), float(slope)), acceleration)
 
 
-def pitch_at_acceleration(
-    parameters: MipParameters, slope: float, trim: Trim, acceleration: float
-) -> tuple[float, float, float]:
+def balancing_pitch(
+    parameters: MipParameters, slope: float, trim: Trim, acceleration: _Array
+) -> tuple[_Array, _Array, _Array]:
     """Pitch that balances a steady acceleration along the slope at the trim's thrust, and how it varies.
-
-    Adding the two equations of motion (paper, eq. eom_2d_v2) removes the motor torque and leaves
-    P sin(theta) + Q cos(theta) + K = 0, whose coefficients are affine in the acceleration.
 
     Args:
         parameters: The pendulum.
         slope: Inclination of the ground [rad].
         trim: Equilibrium on that slope; of the two solutions the one nearer to its pitch is taken.
-        acceleration: Of the axle along the slope [m/s^2].
+        acceleration: Of the axle along the slope, shape (N,) [m/s^2].
 
     Returns:
-        theta [rad], d theta / da [rad s^2/m] and its derivative [rad s^4/m^2].
+        theta [rad], d theta / da [rad s^2/m] and its derivative [rad s^4/m^2], shape (N,) each.
 
     Raises:
-        NoTrimExists: If no pitch balances it (limit "acceleration").
+        NoTrimExists: If no pitch balances one of the accelerations (limit "acceleration").
     """
-    com_forward, com_up = parameters.com_in_body
-    body, gravity, radius, thrust = parameters.mass_body, parameters.gravity, parameters.wheel_radius, trim.thrust
-    sin_b, cos_b = math.sin(slope), math.cos(slope)
-    # Each coefficient: its part at rest, and its derivative with respect to the acceleration.
-    p_rest, p_a = thrust * radius * sin_b - body * gravity * com_up, -body * (com_up * sin_b + com_forward * cos_b)
-    q_rest, q_a = -thrust * radius * cos_b - body * gravity * com_forward, body * (com_up * cos_b - com_forward * sin_b)
-    k_rest = parameters.mass * gravity * radius * sin_b - thrust * parameters.thrust_point_in_body[1]
-    k_a = parameters.mass * radius + parameters.inertia_wheel / radius
-
-    p, q, k = p_rest + p_a * acceleration, q_rest + q_a * acceleration, k_rest + k_a * acceleration
-    amplitude, phase = math.hypot(p, q), math.atan2(q, p)
-    if abs(k) >= amplitude:
+    pitches = equilibrium_pitches(parameters, slope, trim.thrust, acceleration=acceleration)
+    unbalanced = np.flatnonzero(np.isnan(pitches).any(axis=0))
+    if len(unbalanced) > 0:
+        worst = acceleration[unbalanced[np.argmax(np.abs(acceleration[unbalanced]))]]
         raise NoTrimExists(
-            f"no pitch balances an acceleration of {acceleration:.2f} m/s^2 on {math.degrees(slope):.1f} deg with "
-            f"{thrust:.1f} N of thrust: the moment to balance is {abs(k):.2f} N m, gravity and thrust give at most "
-            f"{amplitude:.2f} N m",
+            f"no pitch balances an acceleration of {worst:.2f} m/s^2 on {math.degrees(slope):.1f} deg with "
+            f"{trim.thrust:.1f} N of thrust; lower the speed or lengthen the ramps",
             limit="acceleration",
         )
-    # amplitude * sin(theta + phase) = -k
-    angle = math.asin(-k / amplitude)
-    candidates = (angle - phase, math.pi - angle - phase)
-    offset = min((math.remainder(c - trim.pitch, 2.0 * math.pi) for c in candidates), key=abs)
-    pitch = trim.pitch + offset
+    offsets = np.mod(pitches - trim.pitch + np.pi, 2.0 * np.pi) - np.pi
+    pitch = trim.pitch + np.take_along_axis(offsets, np.abs(offsets).argmin(axis=0)[np.newaxis], axis=0)[0]
 
-    sin_t, cos_t = math.sin(pitch), math.cos(pitch)
-    f_t = p * cos_t - q * sin_t
-    f_tt = -p * sin_t - q * cos_t
-    f_a = p_a * sin_t + q_a * cos_t + k_a
-    f_ta = p_a * cos_t - q_a * sin_t
-    pitch_a = -f_a / f_t
-    return pitch, pitch_a, -(2.0 * f_ta * pitch_a + f_tt * pitch_a**2) / f_t
+    # The sum of both equations of motion, free of the motor torque, is an implicit function g(theta, a) = 0.
+    l_x, l_z = parameters.com_in_body
+    m_b, r = parameters.mass_body, parameters.wheel_radius
+    sin_t, cos_t, sin_tb, cos_tb = np.sin(pitch), np.cos(pitch), np.sin(pitch + slope), np.cos(pitch + slope)
+    eta = l_z * cos_tb - l_x * sin_tb
+    eta_t = -l_z * sin_tb - l_x * cos_tb
+    weight_body = m_b * parameters.gravity
+    g_a = parameters.inertia_wheel / r + parameters.mass * r + m_b * eta
+    g_t = m_b * eta_t * acceleration - weight_body * (l_z * cos_t - l_x * sin_t) + trim.thrust * r * sin_tb
+    g_ta = m_b * eta_t
+    g_tt = -m_b * eta * acceleration + weight_body * (l_x * cos_t + l_z * sin_t) + trim.thrust * r * cos_tb
+    pitch_a = -g_a / g_t
+    return pitch, pitch_a, -(2.0 * g_ta * pitch_a + g_tt * pitch_a**2) / g_t
 
 
 def _ramp(time: _Array, duration: float) -> tuple[_Array, _Array]:

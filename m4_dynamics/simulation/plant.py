@@ -72,12 +72,12 @@ class Plant:
     _rotor_lag: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        self.stepper = ImplicitStepper(self.model, self.time_step)
         self._substeps = round(self.control_period / self.time_step)
         if self._substeps < 1 or abs(self._substeps * self.time_step - self.control_period) > 1e-9:
             raise InvalidSettingError(
                 "control_period [s]", self.control_period, f"a whole number of time steps of {self.time_step:g} s"
             )
-        self.stepper = ImplicitStepper(self.model, self.time_step)
         thrusters = self.model.robot.thrusters
         self._thrust_limit = np.array([thruster.maximum_thrust for thruster in thrusters], dtype=float)
         constants = np.array([thruster.time_constant for thruster in thrusters], dtype=float)

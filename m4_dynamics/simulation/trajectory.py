@@ -136,6 +136,8 @@ def build_trajectory(
     contact_force = np.diff(impulse, axis=0, prepend=np.zeros((1, *impulse.shape[1:]))) / period
     wheels = drive_wheels(robot, reduction.frame)
     on_drive_wheels = contact_force[:, [wheels.left, wheels.right]].sum(axis=1)
+    rolling = np.ones(len(robot.wheels))
+    rolling[[wheels.left, wheels.right]] = wheels.sign_left, wheels.sign_right
     cosine, sine = math.cos(slope), math.sin(slope)
     ground_simulated = np.column_stack(
         (cosine * on_drive_wheels[:, 0] + sine * on_drive_wheels[:, 2],
@@ -167,7 +169,8 @@ def build_trajectory(
         "heading": (("time",), motion.heading, "rad", "true heading about the slope normal, left of uphill"),
         "heading_estimated": (("time",), recorder.heading_estimated[:n], "rad", "heading from wheel odometry"),
         "differential_duty": (("time",), recorder.differential_duty[:n], "1", "duty of the heading hold"),
-        "wheel_duty": (("time", wheel), recorder.wheel_duty[:n], "1", "motor duty about the wheel's joint axis"),
+        "wheel_duty": (("time", wheel), rolling * recorder.wheel_duty[:n], "1",
+                       "motor duty, positive drives a drive wheel forward, others about their joint axis"),
         "thrust": (("time", thruster), recorder.thrust[:n], "N", "thrust"),
         "servo_torque": (("time", servo), recorder.servo_torque[:n], "N m", "servo torque"),
         "contact_force_in_world": (("time", wheel, xyz), contact_force, "N",

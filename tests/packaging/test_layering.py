@@ -17,12 +17,13 @@ ROOT = Path(__file__).resolve().parents[2]
 #: listed on its own.
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
+    "output": {"errors"},
     "robot": {"errors"},
     "full": {"errors", "robot"},
     "reduced": {"errors"},
     "reduced.reduction": {"errors", "robot", "full", "reduced"},
     "control": {"errors", "reduced"},
-    "simulation": {"errors", "robot", "full", "reduced", "reduced.reduction", "control"},
+    "simulation": {"errors", "output", "robot", "full", "reduced", "reduced.reduction", "control"},
 }
 for top_floor in ("feasibility", "view", "bench", "cli"):
     ALLOWED[top_floor] = set(ALLOWED)  # everything below

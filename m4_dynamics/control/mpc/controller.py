@@ -94,7 +94,7 @@ class MpcController:
         if optimised:
             plan.step = step
             plan.age = 0
-            inputs = plan.inputs[0].copy()
+            inputs: _Array = plan.inputs[0].copy()
         else:
             inputs = self._fall_back(state, sample)
         cost, _, slack, residual = optimiser.outcome.tolist()
@@ -106,8 +106,10 @@ class MpcController:
         problem, plan = self.problem, self.plan
         self.fallbacks += 1
         if plan.step is not None and plan.age <= problem.settings.plan_age_max:
-            return plan.inputs[0].copy()
+            planned: _Array = plan.inputs[0].copy()
+            return planned
         self.fallbacks_to_lqr += 1
         plan.clear()
         inputs = problem.inputs[sample] - problem.gains[sample] @ (state - problem.states[sample])
-        return np.clip(inputs, self._lower, self._upper)
+        saturated: _Array = np.clip(inputs, self._lower, self._upper)
+        return saturated

@@ -1,7 +1,7 @@
 """Compiled inner loops of the MPC: plain arrays in, results written in place.
 
-The plan is condensed (single shooting): states are eliminated, the unknowns are the changes d of the inputs, in units of
-half an input's range, and one slack s shared by all ground constraints. With du = scale * d and
+The plan is condensed (single shooting): states are eliminated, the unknowns are the changes d of the inputs, in units
+of half an input's range, and one slack s shared by all ground constraints. With du = scale * d and
 dx_{k+1} = A_k dx_k + B_k du_k, the quadratic programme is
 
     min  1/2 z' H z + g' z,   z = (d_0, ..., d_{n-1}, s / slack_scale)
@@ -67,7 +67,7 @@ UNBOUNDED = 1e20
 _Array = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def all_finite(values: _Array) -> bool:
     """Whether a vector, shape (n,), holds neither NaN nor infinity."""
     total = 0.0
@@ -76,7 +76,7 @@ def all_finite(values: _Array) -> bool:
     return total == 0.0
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def condense(
     a: _Array,
     b: _Array,
@@ -231,7 +231,7 @@ def condense(
     return check == 0.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy", inline="always")
 def _constrain(rows: _Array, stage: int, column: int, friction_force: float, normal_force: float, mu: float) -> None:
     """Write one column of a stage's rows: f_x - mu f_n, -f_x - mu f_n and -f_n (paper, eq. ground_constraint)."""
     rows[3 * stage, column] = friction_force - mu * normal_force
@@ -239,7 +239,7 @@ def _constrain(rows: _Array, stage: int, column: int, friction_force: float, nor
     rows[3 * stage + 2, column] = -normal_force
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def read_out(
     solution: _Array,
     a: _Array,
@@ -258,9 +258,16 @@ def read_out(
 
     Args:
         solution: z, shape (2 n,) or (2 n + 1,).
-        a, b, states, inputs, state_reference, input_reference, weights, terminal: As for `condense`.
+        a: As for `condense`.
+        b: As for `condense`.
+        states: As for `condense`.
+        inputs: As for `condense`.
+        state_reference: As for `condense`.
+        input_reference: As for `condense`.
+        weights: As for `condense`.
+        terminal: As for `condense`.
         states_out: Out: the predicted states, shape (n + 1, 4).
-        inputs_out: Out: the planned inputs within their bounds, shape (n, 2).
+        inputs_out: Out: the planned inputs within their bounds, shape (n, 2); may be `inputs` itself.
         outcome: Out: costs, slack and step size, see the layout.
 
     Returns:
@@ -297,7 +304,7 @@ def read_out(
     return check == 0.0
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def evaluate(
     states: _Array,
     inputs: _Array,
@@ -315,7 +322,10 @@ def evaluate(
         states: x_0 .. x_n of a rollout, shape (n + 1, 4).
         inputs: Its inputs, shape (n, 2).
         force: Its ground forces (f_x, f_n), shape (n, 2) [N].
-        state_reference, input_reference, weights, terminal: As for `condense`.
+        state_reference: As for `condense`.
+        input_reference: As for `condense`.
+        weights: As for `condense`.
+        terminal: As for `condense`.
         constrained: Whether ground constraints count.
         outcome: Out: costs and slack, see the layout; the step size stays as it is.
 
@@ -332,7 +342,7 @@ def evaluate(
     return float(outcome[COST_TERMINAL] + slack * (weights[SLACK_WEIGHT] + weights[SLACK_CURVATURE] * slack))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _costs(
     states: _Array,
     inputs: _Array,

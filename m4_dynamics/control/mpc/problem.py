@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,8 +79,8 @@ class Problem:
         self.costed_inputs = self.inputs if settings.input_reference == "trim" else np.zeros_like(self.inputs)
         self.slopes: _Array = _hold(reference.slope, horizon)
 
-        # One Riccati solution per distinct slope, with the prediction's own discretisation: then the last stage's cost is
-        # the exact continuation of the ones before, and without active constraints the MPC is the LQR.
+        # One Riccati solution per distinct slope, with the prediction's own discretisation: then the last stage's cost
+        # continues the ones before exactly, and without active constraints the MPC is the LQR.
         samples, slope_index = reference.steadiest_samples()
         gains, costs = [], []
         for sample in samples:
@@ -94,7 +95,10 @@ class Problem:
         self.terminals: list[_Array] = [costs[index] for index in per_sample]
 
 
-def _hold(samples: NDArray[np.generic], count: int) -> NDArray[np.generic]:
+_Samples = TypeVar("_Samples", NDArray[np.float64], NDArray[np.intp])
+
+
+def _hold(samples: _Samples, count: int) -> _Samples:
     """Append the last sample `count` times; a writable, contiguous copy."""
     return np.concatenate([samples, np.repeat(samples[-1:], count, axis=0)])
 

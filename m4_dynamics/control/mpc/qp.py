@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from proxsuite import proxqp  # type: ignore[import-untyped]
+from proxsuite import proxqp
 
 from m4_dynamics.control.controller import ControlStatus
 from m4_dynamics.control.mpc.kernels import UNBOUNDED
@@ -20,9 +20,9 @@ class QuadraticProgramme:
     The arrays are filled in place by `kernels.condense`; `solve` hands them to one ProxQP object that lives as long as
     this one, because a new object or a new preconditioner costs several times the solution.
 
-    ProxQP is guarded: its certificate of primal infeasibility is switched off (it has a sign error for lower bounds, and
-    the soft rows leave every problem feasible), both levels of its iterations are capped, and no number that is not
-    finite may reach it: NaN in H or C would poison the object for good. The caller checks that, `condense` reports it.
+    ProxQP is guarded: its certificate of primal infeasibility is switched off (it has a sign error for lower bounds,
+    and the soft rows leave every problem feasible), both levels of its iterations are capped, and no number that is
+    not finite may reach it: NaN in H or C would poison the object for good. `condense` reports it, the caller checks.
 
     Attributes:
         hessian: H, shape (m, m).

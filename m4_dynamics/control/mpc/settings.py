@@ -38,11 +38,14 @@ class MpcSettings:
         normal_force_min: Least normal force that the plan keeps [N].
         duty_limits: Hard bounds of the motor duty.
         thrust_limits: Hard bounds of the thrust [N].
-        slack_weight: Cost of one newton of violation of the ground constraints. Exact: as long as it exceeds the sum
-            of the constraints' multipliers, the plan violates nothing that it could satisfy.
+        slack_weight: Cost of one newton of violation of the ground constraints [1/N]. The penalty is exact: while the
+            sum of the constraints' multipliers stays below it, the plan violates nothing that it could satisfy. The
+            default is exact for disturbances up to some 5 deg of pitch and yields to larger ones, into the friction
+            margin first. With 1000 the plan keeps the margin and lets the robot fall over instead, because its
+            horizon ends before the fall.
         slack_curvature: Quadratic cost of the violation [1/N^2]; keeps the QP strictly convex.
         sqp_iterations: Linearisations per control step; 1 is the real-time iteration.
-        sqp_tolerance: With more than one, stop when the optimisation step is below this (units of half an input's range).
+        sqp_tolerance: With more than one, stop when the step is below this (in units of half an input's range).
         solver_tolerance: Absolute tolerance of the QP solver.
         solver_iterations: Cap of ProxQP's outer iterations.
         solver_inner_iterations: Cap of ProxQP's inner iterations per outer one.
@@ -62,7 +65,7 @@ class MpcSettings:
     normal_force_min: float = 5.0
     duty_limits: tuple[float, float] = (-1.0, 1.0)
     thrust_limits: tuple[float, float] = (0.0, 43.2)
-    slack_weight: float = 1e4
+    slack_weight: float = 50.0
     slack_curvature: float = 1.0
     sqp_iterations: int = 1
     sqp_tolerance: float = 1e-8

@@ -23,6 +23,9 @@ _Array = NDArray[np.float64]
 _HALVINGS = 12
 _DECREASE = 1e-4
 
+#: Merit that the QP solver's tolerance leaves open, in units of the penalty of a slack as large as that tolerance.
+_UNRESOLVED = 10.0
+
 
 class Linearisation(NamedTuple):
     """The reduced model along a plan, filled in place by `reduced.kernels.rollout_and_linearise`.
@@ -184,7 +187,8 @@ class SqpOptimiser:
         """Follow the QP's step as far as the nonlinear merit keeps a share of the promised decrease.
 
         The QP minimises a convex model of the merit (cost plus exact penalty), so its step is a descent direction of
-        the merit wherever it is not zero: the halvings end, unless rounding hides what is left to gain.
+        the merit wherever it is not zero: the halvings end. What the QP solver's tolerance is worth in merit counts as
+        no increase, else the last, tiniest steps would be refused.
 
         Returns:
             Whether another iteration is worth while.
@@ -205,6 +209,7 @@ class SqpOptimiser:
         slack = outcome[kernels.SLACK]
         penalty = slack * (settings.slack_weight + settings.slack_curvature * slack)
         promised = penalty - qp.objective()
+        unresolved = _UNRESOLVED * settings.slack_weight * weights[kernels.SLACK_SCALE] * settings.solver_tolerance
         step = qp.solution[: 2 * settings.horizon].reshape(-1, 2)
         direction = step * weights[kernels.INPUT_SCALE : kernels.INPUT_SCALE + 2]
         residual = float(np.abs(step).max())
@@ -222,12 +227,12 @@ class SqpOptimiser:
             rollout_and_linearise(
                 problem.parameters, slopes, state, self._trial_inputs, settings.time_step, *self._trial
             )
-            if merit(self._trial, self._trial_inputs) <= before - _DECREASE * length * promised:
+            if merit(self._trial, self._trial_inputs) <= before - _DECREASE * length * promised + unresolved:
                 plan.inputs[:] = self._trial_inputs
                 plan.states[:] = self._trial.states
                 return residual > settings.sqp_tolerance
             length *= 0.5
-        # Nothing is gained that rounding would not hide: stay.
+        # No length of this step helps: stay.
         merit(self.linearisation, plan.inputs)
         plan.states[:] = self.linearisation.states
         return False
