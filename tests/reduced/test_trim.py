@@ -15,7 +15,7 @@ from m4_dynamics.reduced.equilibrium import equilibrium_loads, equilibrium_pitch
 from m4_dynamics.reduced.ground_force import ground_force_in_slope
 from m4_dynamics.reduced.pendulum import MipParameters
 from m4_dynamics.reduced.power import PowerModel, power_needed
-from m4_dynamics.reduced.trim import TrimLimits, select_trim, trim_at_pitch, trim_branches
+from m4_dynamics.reduced.trim import TrimLimits, keeps_reserves, select_trim, trim_at_pitch, trim_branches
 
 SLOPE = math.radians(45.0)
 
@@ -147,20 +147,26 @@ def test_power_of_one_hovering_rotor():
     assert power_needed(parameters, one, 0.0, 2.0, 3.0) == pytest.approx(2.0 * 3.0 + 4.0 / 0.5)
 
 
-def test_automatic_trim_keeps_its_reserves(hand_pendulum: MipParameters):
-    limits = TrimLimits()
-    for slope_deg in (0.0, 15.0, 30.0, 45.0, 55.0):
+@pytest.mark.parametrize("changes", [{}, {"thrust_margin": 2.0, "friction_fraction": 0.9, "friction_reserve": 0.9}])
+def test_automatic_trim_keeps_its_reserves(hand_pendulum: MipParameters, changes):
+    limits = TrimLimits(**changes)
+    low, high = limits.thrust_range
+    for slope_deg in (0.0, 15.0, 30.0, 45.0):
         trim = select_trim(hand_pendulum, math.radians(slope_deg), limits=limits)
-        assert 2.0 - 1e-6 <= trim.thrust <= 43.2 - 2.0
-        assert trim.friction_needed <= 0.9 * 0.9 * 0.8 + 1e-6
-        assert abs(trim.duty) <= 0.95
+        assert low + limits.thrust_margin - 1e-6 <= trim.thrust <= high - limits.thrust_margin + 1e-6
+        assert trim.friction_needed <= limits.friction_reserve * limits.friction_planned + 1e-6
+        assert abs(trim.duty) <= limits.duty_max - limits.duty_margin
         assert trim.margins.pitch_window > 0.0
-    assert select_trim(hand_pendulum, 0.0, limits=limits).thrust == pytest.approx(2.0)
+        assert keeps_reserves(hand_pendulum, trim, limits)
+        less = trim_branches(hand_pendulum, trim.slope, trim.thrust - 0.01, limits=limits)[0]
+        assert not keeps_reserves(hand_pendulum, less, limits), "the least thrust that keeps them"
 
 
 def test_automatic_trim_falls_back_to_least_friction(hand_pendulum: MipParameters):
     slope = math.radians(60.0)
-    assert select_trim(hand_pendulum, slope) == select_trim(hand_pendulum, slope, criterion="least-friction")
+    fallback = select_trim(hand_pendulum, slope)
+    assert fallback == select_trim(hand_pendulum, slope, criterion="least-friction")
+    assert not keeps_reserves(hand_pendulum, fallback, TrimLimits())
     # Without thrusters there is one member, and it is taken if it can be.
     level = select_trim(hand_pendulum, 0.0, limits=TrimLimits(thrust_range=(0.0, 0.0)))
     assert level.thrust == 0.0
