@@ -128,7 +128,8 @@ def test_one_contact_on_a_point_mass(
     # Both sides of the equation are monotone, so there is one root.
     root = brentq(excess, fall - 1.0, 100.0, xtol=1e-14)
     assert velocity[2] == pytest.approx(root, abs=1e-7)
-    np.testing.assert_allclose(velocity, free + dt * inverse_mass * force, atol=1e-6)
+    # Newton stops at 1e-7 m/s; within stiction the force changes by up to 40,000 times that.
+    np.testing.assert_allclose(velocity, free + dt * inverse_mass * force, atol=1e-5)
     strength = dt * inverse_mass * force[2]
     speed = np.hypot(velocity[0], velocity[1])
     if sliding > strength * ground.friction_static + ground.stiction_speed + 1e-6:
