@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from m4_dynamics.control.reference import ReferenceTrajectory, balancing_pitch, smooth_step
 from m4_dynamics.errors import InvalidSettingError
-from m4_dynamics.mission.axle_path import AxlePath
+from m4_dynamics.full.axle_path import AxlePath
 from m4_dynamics.reduced.pendulum import MipParameters, inverse_dynamics
 from m4_dynamics.reduced.trim import Trim
 
@@ -59,8 +59,9 @@ def drive_reference(
     trim_on: Callable[[float], Trim],
     *,
     pitch_now: float,
+    thrust_now: float,
     dt: float,
-    constant_thrust: bool = False,
+    wheels_alone: bool = False,
 ) -> ReferenceTrajectory:
     """Plan a drive; wheel angles are the path's arc length over the wheel's radius.
 
@@ -70,8 +71,10 @@ def drive_reference(
         plan: From where to where.
         trim_on: The trim to take on a slope [rad].
         pitch_now: Pitch at the start [rad].
+        thrust_now: Total thrust at the start [N].
         dt: Time between samples [s].
-        constant_thrust: Keep the trims' thrust, for a controller that has the wheels alone; the duty is then the trim's.
+        wheels_alone: Plan for a controller that does not move the thrust: it goes from the present one to the trim's
+            while the robot settles, and the duty is the trim's.
 
     Returns:
         The reference.
@@ -88,7 +91,7 @@ def drive_reference(
     cruise = abs(distance) / speed - plan.ramp_time if distance else 0.0
     driving = 2.0 * plan.ramp_time + cruise if distance else 0.0
     count = round((plan.settle_time + driving + plan.hold_time) / dt) + 1
-    time = dt * np.arange(count)
+    time: Array = dt * np.arange(count, dtype=np.float64)
     travel, motion = np.zeros(count), np.zeros((4, count))
     if distance:
         for begin, sign in ((plan.settle_time, 1.0), (plan.settle_time + plan.ramp_time + cruise, -1.0)):
@@ -105,13 +108,15 @@ def drive_reference(
     radius = parameters.wheel_radius
     state = np.column_stack((length / radius, pitch, motion[0] / radius, spline(time, 1)))
     pitch_acceleration = spline(time, 2)
+    settled = smooth_step(time, plan.settle_time)[1][0] if plan.settle_time > 0.0 else np.ones(count)
     inputs = np.empty((count, 2))
     for k in range(count):
-        if constant_thrust:
+        if wheels_alone:
             trim = trim_on(float(slope[k]))
             # tau = k1 u - k2 phi' (the body is still): the duty grows with the speed.
             back_emf = parameters.back_emf_constant * state[k, 2]
-            inputs[k] = (trim.torque + back_emf) / parameters.torque_constant, trim.thrust
+            thrust = trim.thrust + (1.0 - settled[k]) * (thrust_now - trim.thrust)
+            inputs[k] = (trim.torque + back_emf) / parameters.torque_constant, thrust
         else:
             acceleration = (motion[1, k] / radius, float(pitch_acceleration[k]))
             inputs[k] = inverse_dynamics(parameters, float(slope[k]), state[k], acceleration)
@@ -136,7 +141,7 @@ def _pitch(
 ) -> Array:
     """Pitch that balances the acceleration on each slope, blended over corners and from the present pitch."""
     pitches = {
-        value: np.array([balancing_pitch(parameters, value, trim_on(value), float(a))[0] for a in acceleration])
+        value: balancing_pitch(parameters, value, trim_on(value), acceleration)[0]
         for value in np.unique(slope).tolist()
     }
     pitch = pitches[float(slope[0])].copy()

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from m4_dynamics.control.controller import BalanceController
 from m4_dynamics.control.estimator import BalanceEstimator
 from m4_dynamics.control.heading import HeadingHold, wheel_duties
+from m4_dynamics.control.reference import ReferenceTrajectory
 from m4_dynamics.reduced.reduction import BalanceFrame, Reduction
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.plant import Plant
@@ -83,6 +84,7 @@ class BalanceLoop:
         plant: The full model; reset it before the loop.
         reduction: How the robot stands as a pendulum: axes, drive wheels and their signs.
         controller: Gives motor duty and thrust from the reduced state.
+        reference: What the controller follows, for the record.
         heading_hold: Gives the differential duty.
         heading_reference: Wanted heading, positive left of uphill [rad].
         estimator: Reduced state from the measurements.
@@ -92,6 +94,7 @@ class BalanceLoop:
     plant: Plant
     reduction: Reduction
     controller: BalanceController
+    reference: ReferenceTrajectory
     heading_hold: HeadingHold
     estimator: BalanceEstimator
     recorder: Recorder
@@ -110,8 +113,18 @@ class BalanceLoop:
             wheel_angle: Absolute wheel angle [rad].
             heading: Heading, positive left of uphill [rad].
         """
-        self.controller.reset()
         self.estimator.reset(measurement, wheel_angle=wheel_angle, heading=heading)
+        self.follow(self.controller, self.reference)
+
+    def follow(self, controller: BalanceController, reference: ReferenceTrajectory) -> None:
+        """Go on from here with a controller and a reference, both from their start.
+
+        Args:
+            controller: The controller.
+            reference: What it follows.
+        """
+        self.controller, self.reference = controller, reference
+        self.controller.reset()
         self._step = 0
 
     def advance(self) -> None:
@@ -133,7 +146,11 @@ class BalanceLoop:
         command.wheel_duty[wheels.left] = wheels.sign_left * duty_left
         command.wheel_duty[wheels.right] = wheels.sign_right * duty_right
         np.multiply(self.reduction.thrust_shares, inputs[1], out=command.thrust)
-        self.recorder.record_decision(state, heading, inputs, differential, self.controller.diagnostics, seconds)
+        sample = min(self._step, len(self.reference.time) - 1)
+        wanted = self.reference.state[sample], self.reference.inputs[sample]
+        self.recorder.record_decision(
+            state, heading, inputs, differential, self.controller.diagnostics, seconds, wanted
+        )
         plant.step()
         self.recorder.record_outcome()
         self._step += 1

@@ -67,7 +67,9 @@ class AxlePath:
         for k in range(len(segments)):
             if entry[k] > leave[k]:
                 raise InvalidSettingError(
-                    f"terrain between corners {k - 1} and {k}", f"{segments[k, 6]:.3f} m", "room for the wheel between them"
+                    f"terrain between corners {k - 1} and {k}",
+                    f"{segments[k, 6]:.3f} m",
+                    "room for the wheel between them",
                 )
         starts, slopes, anchors, lengths = [-math.inf], [], [], []
         here = 0.0  # arc length of the point where the last piece ended

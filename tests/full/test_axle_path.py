@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.full.terrain import Terrain, flat_terrain, incline_terrain, plateau_terrain, ramp_terrain
-from m4_dynamics.mission.axle_path import AxlePath
+from m4_dynamics.full.axle_path import AxlePath
 
 R = 0.125
 
