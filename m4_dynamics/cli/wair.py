@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 CONTROLLER_HELP = """\
 default: MPC about the trim with a terminal cost; paper: the paper's MPC (no terminal cost); paper-zero: the same with
-raw inputs in its cost; lqr: saturated LQR of the trim"""
+raw inputs in its cost; lqr: saturated LQR of the trim; pid: wheels alone, for
+flat ground"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="total thrust of the trim [N] (default: auto, inside all limits)",
     )
     parser.add_argument(
-        "--controller", default="default", choices=("default", "paper", "paper-zero", "lqr"), help=CONTROLLER_HELP
+        "--controller",
+        default="default",
+        choices=("default", "paper", "paper-zero", "lqr", "pid"),
+        help=CONTROLLER_HELP,
     )
     parser.add_argument("--duration", type=float, default=10.0, metavar="S", help="simulated time [s] (default: 10)")
     parser.add_argument(

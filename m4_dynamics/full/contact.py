@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from m4_dynamics.errors import require_finite
+from m4_dynamics.errors import require_finite, require_shape
 from m4_dynamics.full import kernels
 from m4_dynamics.full.model import FullModel, pack_ground
 from m4_dynamics.robot.robot import Ground
@@ -55,7 +55,7 @@ def find_contacts(model: FullModel, *, margin: float) -> tuple[Array, NDArray[np
     Returns:
         (table (capacity, 7), joint indices, owner indices, number of contacts); columns are named in `kernels.py`.
     """
-    capacity = len(model.wheel_joints) * 2 * len(model.terrain.segments) + 2 * len(model.point_joints)
+    capacity = (len(model.wheel_joints) + len(model.point_joints)) * len(model.terrain.segments)
     contacts = np.empty((capacity, kernels.CONTACT_COLUMNS))
     joints, owners = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     count = kernels.find_contacts(
@@ -75,9 +75,12 @@ def contacts_at(model: FullModel, q: ArrayLike, *, margin: float = 0.0) -> list[
 
     Returns:
         The contacts, wheels first.
+
+    Raises:
+        InvalidSettingError: The shape of q is wrong.
+        NonFiniteError: An entry is NaN or infinite.
     """
-    configuration = np.asarray(q, dtype=float)
-    require_finite("configuration q", configuration)
+    configuration = _check_configuration(model, q)
     pin.computeJointJacobians(model.robot.model, model.data, configuration)
     table, joints, owners, count = find_contacts(model, margin=margin)
     names = [wheel.joint for wheel in model.robot.wheels] + [point.name for point in model.robot.contact_points]
@@ -108,8 +111,12 @@ def contact_jacobian(model: FullModel, q: ArrayLike, contact: Contact) -> Array:
 
     Returns:
         J with velocity_of_contact_point_in_world = J v.
+
+    Raises:
+        InvalidSettingError: The shape of q is wrong.
+        NonFiniteError: An entry is NaN or infinite.
     """
-    configuration = np.asarray(q, dtype=float)
+    configuration = _check_configuration(model, q)
     pin.computeJointJacobians(model.robot.model, model.data, configuration)
     row = np.zeros(kernels.CONTACT_COLUMNS)
     row[:3] = contact.position_in_world
@@ -118,6 +125,13 @@ def contact_jacobian(model: FullModel, q: ArrayLike, contact: Contact) -> Array:
     kernels.contact_jacobian(model.data.J, model.support, row, contact.joint_id, in_contact)
     axes = np.vstack((contact.tangents_in_world, contact.normal_in_world))
     return np.asarray(axes.T @ in_contact)
+
+
+def _check_configuration(model: FullModel, q: ArrayLike) -> Array:
+    configuration = np.asarray(q, dtype=float)
+    require_shape("configuration q", configuration, (model.robot.model.nq,))
+    require_finite("configuration q", configuration)
+    return configuration
 
 
 def friction_coefficient(ground: Ground, sliding_speed: ArrayLike) -> Array:
@@ -129,6 +143,9 @@ def friction_coefficient(ground: Ground, sliding_speed: ArrayLike) -> Array:
 
     Returns:
         The coefficient, same shape.
+
+    Raises:
+        NonFiniteError: An entry is NaN or infinite.
     """
     packed = pack_ground(ground)
     speeds = np.asarray(sliding_speed, dtype=float)
@@ -147,9 +164,14 @@ def normal_force(ground: Ground, depth: ArrayLike, depth_rate: ArrayLike) -> Arr
 
     Returns:
         The force [N], same shape.
+
+    Raises:
+        NonFiniteError: An entry is NaN or infinite.
     """
     packed = pack_ground(ground)
     depths, rates = np.broadcast_arrays(np.asarray(depth, dtype=float), np.asarray(depth_rate, dtype=float))
+    require_finite("depth", depths)
+    require_finite("depth rate", rates)
     pairs = zip(depths.ravel(), rates.ravel(), strict=True)
     values = [kernels.normal_force(float(d), float(rate), packed)[0] for d, rate in pairs]
     return np.array(values).reshape(depths.shape)

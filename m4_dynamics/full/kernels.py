@@ -9,6 +9,9 @@ changed. Arrays are plain; `full/model.py` packs them and documents their meanin
 - A contact's own axes are (t1, t2, n): n = (n_x, 0, n_z) out of the ground, t1 = (n_z, 0, -n_x) uphill, t2 = y.
 """
 
+# Arguments of one kind share a line of the docstring.
+# ruff: noqa: D417
+
 from __future__ import annotations
 
 import math
@@ -37,6 +40,10 @@ STATISTICS_COLUMNS = 10
 SLIP_THRESHOLD = 5.0e-3
 #: A contact deeper than this is another segment's back side, not a contact [m].
 DEPTH_LIMIT = 0.06
+#: An implicit step looks ahead: a contact whose gap will be below this at the end takes part [m],
+CONTACT_MARGIN = 2.0e-3
+#: if it does not approach faster than this [m/s].
+APPROACH_SPEED_LIMIT = 20.0
 #: Newton stops when no contact velocity moves by more than this part of the stiction speed.
 NEWTON_TOLERANCE = 1.0e-3
 NEWTON_CAP = 60
@@ -95,8 +102,6 @@ def _add_contact(
     gap: float,
     scale: float,
 ) -> int:
-    if count >= contacts.shape[0]:
-        return count
     contacts[count, CONTACT_X] = position[0]
     contacts[count, CONTACT_Y] = position[1]
     contacts[count, CONTACT_Z] = position[2]
@@ -133,7 +138,8 @@ def find_contacts(
 
     A wheel is a thin disc. On a segment it touches with the rim's deepest point along the normal, if that point lies
     within the segment; at a convex corner, beyond both segments, it touches with the rim's point nearest to the corner
-    line, whose normal turns continuously from one segment's to the other's.
+    line, whose normal turns continuously from one segment's to the other's. A point touches the nearest segment or
+    corner.
 
     Args:
         poses: Joint placements in the world, shape (njoints, 12).
@@ -144,7 +150,7 @@ def find_contacts(
         contacts, joints, owners: Filled: contact table, joint index, owner (wheel index, then point index).
 
     Returns:
-        The number of contacts.
+        The number of contacts, at most one for each wheel or point and segment.
     """
     axis = np.empty(3)
     position = np.empty(3)
@@ -166,10 +172,12 @@ def find_contacts(
             wx, wy, wz = nx - along_axis * axis[0], -along_axis * axis[1], nz - along_axis * axis[2]
             size = math.sqrt(wx * wx + wy * wy + wz * wz)
             reach = radius / size if size > 1e-9 else 0.0
-            position[0], position[1], position[2] = px - reach * wx, py - reach * wy, pz - reach * wz
-            s = (position[0] - ax) * tx + (position[2] - az) * tz
+            # The point of the wheel's plane on the segment's plane below the centre decides whose contact it is: in the
+            # wheel's plane the ground is a polyline too. A wheel lying flat has none; its rim must do.
+            foot = min(centre_height / (size * size), 2.0 * reach) if size > 1e-9 else 0.0
+            s = (px - foot * wx - ax) * tx + (pz - foot * wz - az) * tz
             before_start = k > 0 and s < 0.0
-            if past_previous and before_start and abs(axis[1]) > 0.1:
+            if past_previous and before_start and abs(axis[1]) > 1e-6:
                 # Between two segments: the corner line through (ax, az) meets the wheel's plane at `corner_y`.
                 corner_y = py + ((px - ax) * axis[0] + (pz - az) * axis[2]) / axis[1]
                 rx, ry, rz = px - ax, py - corner_y, pz - az
@@ -179,7 +187,10 @@ def find_contacts(
                     vx = axis[1] * rz - axis[2] * ry
                     vz = axis[0] * ry - axis[1] * rx
                     norm = math.sqrt(vx * vx + vz * vz)
-                    cx, cz = -vz / norm, vx / norm
+                    if norm > 1e-9 * distance:
+                        cx, cz = -vz / norm, vx / norm
+                    else:  # the rim runs along the corner line, any normal between the segments' does
+                        cx, cz = nx, nz
                     if cx * rx + cz * rz < 0.0:
                         cx, cz = -cx, -cz
                     gap = (distance - radius) * (cx * rx + cz * rz) / distance
@@ -195,6 +206,7 @@ def find_contacts(
             if not before_start and not past_previous:
                 gap = centre_height - reach * size * size
                 if -DEPTH_LIMIT < gap < margin:
+                    position[0], position[1], position[2] = px - reach * wx, py - reach * wy, pz - reach * wz
                     count = _add_contact(
                         contacts, joints, owners, count, wheel_joints[wheel], wheel, position, nx, nz, gap, scale
                     )
@@ -203,17 +215,38 @@ def find_contacts(
         _to_world(pose, point_positions[point], position)
         for i in range(3):
             position[i] += pose[9 + i]
+        previous_gap = math.inf
+        past_previous = False
         for k in range(n_segments):
             dx, dz = position[0] - segments[k, 0], position[2] - segments[k, 1]
-            gap = dx * segments[k, 4] + dz * segments[k, 5]
-            if not -DEPTH_LIMIT < gap < margin:
-                continue
+            nx, nz, scale = segments[k, 4], segments[k, 5], segments[k, 7]
             s = dx * segments[k, 2] + dz * segments[k, 3]
-            if (s >= 0.0 or k == 0) and (s < segments[k, 6] or k == n_segments - 1):
-                count = _add_contact(
-                    contacts, joints, owners, count, point_joints[point], n_wheels + point, position, segments[k, 4],
-                    segments[k, 5], gap, segments[k, 7],
-                )  # fmt: skip
+            gap = dx * nx + dz * nz
+            before_start = k > 0 and s < 0.0
+            if past_previous and before_start:
+                # Between two segments the corner is nearest: outside a convex one, or pressed into a concave one.
+                distance = math.sqrt(dx * dx + dz * dz)
+                sign = 1.0 if gap > 0.0 else -1.0
+                if distance > 1e-12 and -DEPTH_LIMIT < sign * distance < margin:
+                    count = _add_contact(
+                        contacts, joints, owners, count, point_joints[point], n_wheels + point, position,
+                        sign * dx / distance, sign * dz / distance, sign * distance, min(scale, segments[k - 1, 7]),
+                    )  # fmt: skip
+            # Below a convex corner, where both segments claim the point, the nearer face pushes it out.
+            claimed_before = k > 0 and not past_previous and previous_gap < 0.0 and previous_gap >= gap
+            past_previous = k < n_segments - 1 and s >= segments[k, 6]
+            previous_gap = gap
+            if before_start or past_previous or claimed_before or not -DEPTH_LIMIT < gap < margin:
+                continue
+            if gap < 0.0 and k < n_segments - 1:
+                next_dx, next_dz = position[0] - segments[k + 1, 0], position[2] - segments[k + 1, 1]
+                next_gap = next_dx * segments[k + 1, 4] + next_dz * segments[k + 1, 5]
+                next_s = next_dx * segments[k + 1, 2] + next_dz * segments[k + 1, 3]
+                if next_s >= 0.0 and gap < next_gap < 0.0:
+                    continue
+            count = _add_contact(
+                contacts, joints, owners, count, point_joints[point], n_wheels + point, position, nx, nz, gap, scale
+            )
     return count
 
 
@@ -473,6 +506,26 @@ def newton_step_length(v1: float, v2: float, d1: float, d2: float, stiction_spee
 
 
 @njit(cache=True)
+def newton_step_length_normal(depth: float, new_depth: float, width: float) -> float:
+    """Largest part of a Newton step of the depth that does not jump over the transition width.
+
+    The normal force rises from nothing to the whole spring and damper within the width. A step from one side to the
+    other sees the slope of the wrong side and the next one jumps back, for ever at a hard landing; stopped in the
+    middle, where the law is steepest, Newton finds the force between.
+
+    Args:
+        depth, new_depth: Depth at the end of the time step, before and after the Newton step [m].
+        width: Transition width of the normal force [m].
+
+    Returns:
+        The part in (0, 1].
+    """
+    if (depth >= width and new_depth <= 0.0) or (depth <= 0.0 and new_depth >= width):
+        return (0.5 * width - depth) / (new_depth - depth)
+    return 1.0
+
+
+@njit(cache=True)
 def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: Any, dt: float, velocity: Any,
                    force: Any) -> int:  # fmt: skip
     """Newton on the contact velocities: v = v_free + dt W f(v).
@@ -519,7 +572,9 @@ def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: 
         for i in range(count):
             k = 3 * i
             limited = newton_step_length(velocity[k], velocity[k + 1], b[k], b[k + 1], ground[STICTION_SPEED])
-            part = min(part, limited)
+            depth = -contacts[i, GAP] - dt * velocity[k + 2]
+            limited_normal = newton_step_length_normal(depth, depth - dt * b[k + 2], ground[TRANSITION_WIDTH])
+            part = min(part, limited, limited_normal)
             largest = max(largest, abs(b[k]), abs(b[k + 1]), abs(b[k + 2]))
         for row in range(n):
             velocity[row] += part * b[row]
@@ -565,12 +620,26 @@ def implicit_step(
     nv = velocity.shape[0]
     n_wheels = wheel_joints.shape[0]
     n_servos = servo_indices.shape[0]
-    capacity = 2 * n_wheels + point_joints.shape[0] + 4
+    capacity = (n_wheels + point_joints.shape[0]) * segments.shape[0]
     contacts = np.empty((capacity, CONTACT_COLUMNS))
     joints = np.empty(capacity, np.int64)
     owners = np.empty(capacity, np.int64)
-    count = find_contacts(poses, wheel_joints, wheel_axes, wheel_radii, point_joints, point_positions, segments,
-                          2.0e-3, contacts, joints, owners)  # fmt: skip
+    found = find_contacts(poses, wheel_joints, wheel_axes, wheel_radii, point_joints, point_positions, segments,
+                          CONTACT_MARGIN + dt * APPROACH_SPEED_LIMIT, contacts, joints, owners)  # fmt: skip
+    # Of the contacts nearby, only those take part that come within the margin by the end of the step.
+    rows = np.empty((3 * found, nv))
+    count = 0
+    for i in range(found):
+        row = 3 * count
+        contact_jacobian(jacobians, support, contacts[i], joints[i], rows[row : row + 3])
+        approach = 0.0
+        for c in range(nv):
+            approach += rows[row + 2, c] * velocity[c]
+        if contacts[i, GAP] + dt * min(approach, 0.0) < CONTACT_MARGIN:
+            contacts[count] = contacts[i]
+            joints[count] = joints[i]
+            owners[count] = owners[i]
+            count += 1
 
     # Forces that do not depend on the new velocity: bias, thrust, external wrench, motor stall torque.
     applied = np.empty(nv)
@@ -584,14 +653,11 @@ def implicit_step(
 
     factor = np.empty((nv, nv))
     new_velocity = np.empty(nv)
-    rows = np.empty((3 * count, nv))
     scaled = np.empty((3 * count, nv))
     delassus = np.empty((3 * count, 3 * count))
     free = np.empty(3 * count)
     contact_velocity = np.empty(3 * count)
     force = np.empty(3 * count)
-    for i in range(count):
-        contact_jacobian(jacobians, support, contacts[i], joints[i], rows[3 * i : 3 * i + 3])
     saturated = np.zeros(n_servos)
     for _ in range(n_servos + 1):
         # Servos at their torque limit push with it; the others are springs and dampers, implicit.
@@ -732,7 +798,7 @@ def explicit_forces(
 ) -> None:  # fmt: skip
     """Ground, thrust and external forces at the present state: adds them to `out` (nv,); see `implicit_step`."""
     n_wheels = wheel_joints.shape[0]
-    capacity = 2 * n_wheels + point_joints.shape[0] + 4
+    capacity = (n_wheels + point_joints.shape[0]) * segments.shape[0]
     contacts = np.empty((capacity, CONTACT_COLUMNS))
     joints = np.empty(capacity, np.int64)
     owners = np.empty(capacity, np.int64)

@@ -121,10 +121,10 @@ class FullModel:
                 if ancestor > 0:
                     start = model.joints[ancestor].idx_v
                     support[joint, start : start + model.joints[ancestor].nv] = 1
-        motor = robot.motor
         wheels, thrusters, points, servos = robot.wheels, robot.thrusters, robot.contact_points, robot.servos
-        # k1 and k2 are stated for the two drive wheels together (paper, eq. motor_model).
-        per_wheel = (0.5 * motor.torque_constant, 0.5 * motor.back_emf_constant)
+        # k1 and k2 are stated for the two drive wheels together (paper, eq. motor_model). Wheels turn freely without.
+        motor = robot.drive_motor
+        per_wheel = (0.0, 0.0) if motor is None else (0.5 * motor.torque_constant, 0.5 * motor.back_emf_constant)
         labels = (
             *(f"torque of {servo.joint} [N m]" for servo in servos),
             *(f"torque of {wheel.joint} [N m]" for wheel in wheels),

@@ -28,6 +28,7 @@ __all__ = [
     "Trim",
     "TrimLimits",
     "TrimMargins",
+    "keeps_reserves",
     "select_trim",
     "trim_at_pitch",
     "trim_branches",
@@ -245,6 +246,27 @@ def select_trim(
             best_thrust, best_pitch, branch = best
             return _make_trim(parameters, slope, best_thrust, best_pitch, branch, speed, acceleration, hard)
     raise explain_refusal(parameters, slope, hard, speed, acceleration)
+
+
+def keeps_reserves(parameters: MipParameters, trim: Trim, limits: TrimLimits) -> bool:
+    """Whether an equilibrium keeps every reserve that the automatic choice looks for.
+
+    Args:
+        parameters: The pendulum.
+        trim: The equilibrium.
+        limits: The hard limits with their reserves.
+
+    Returns:
+        False as well if the limits leave no room for the reserves.
+    """
+    interior = limits.interior()
+    if interior is None:
+        return False
+    loads = equilibrium_loads(
+        parameters, trim.slope, trim.thrust, trim.pitch, speed=trim.speed, acceleration=trim.acceleration
+    )
+    margins = trim_margins(interior, trim.slope, trim.thrust, trim.pitch, loads, parameters.wheel_radius)
+    return bool(margins.satisfied)
 
 
 def _best_member(

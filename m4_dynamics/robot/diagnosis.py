@@ -60,7 +60,7 @@ def _root_findings(root: Element, where: str) -> list[Finding]:
     findings = []
     if not root.get("name"):
         findings.append(Finding("error", where, "<robot> has no attribute 'name'", 'add name="..."'))
-    if any("xacro" in element.tag for element in root.iter(etree.Element)):
+    if any(element.prefix == "xacro" for element in root.iter(etree.Element)):
         findings.append(Finding("error", where, "holds xacro macros", "expand it with xacro first"))
     if root.find("link") is None:
         findings.append(Finding("error", where, "has no link", "a robot needs at least one link"))
@@ -132,8 +132,7 @@ def _joint_findings(joint: Element, joints: list[Element]) -> list[Finding]:
         findings.append(Finding("error", where, "its axis is zero", 'give a direction, such as xyz="0 0 1"'))
     limit = joint.find("limit")
     if limit is not None and joint.get("type") in ("revolute", "prismatic"):
-        lower = numbers_of(limit.get("lower", "0"))
-        upper = numbers_of(limit.get("upper", "0"))
+        lower, upper = numbers_of(limit.get("lower")), numbers_of(limit.get("upper"))
         if lower and upper and lower[0] > upper[0]:
             what = f"its lower limit {lower[0]:g} is above its upper limit {upper[0]:g}"
             findings.append(Finding("error", where, what, "exchange the two"))

@@ -16,6 +16,7 @@ from m4_dynamics.control.heading import HeadingHold, heading_gains
 from m4_dynamics.control.lqr import LqrController
 from m4_dynamics.control.mpc.controller import MpcController
 from m4_dynamics.control.mpc.settings import MpcSettings
+from m4_dynamics.control.pid import PidController
 from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
 from m4_dynamics.errors import InvalidSettingError, M4Error, NonFiniteError, NoTrimExists
 from m4_dynamics.full.model import FullModel
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CONTROLLERS", "Climb", "ClimbResult", "ClimbSettings", "ControllerName", "prepare_climb", "run_climb"]
 
-ControllerName = Literal["default", "paper", "paper-zero", "lqr"]
+ControllerName = Literal["default", "paper", "paper-zero", "lqr", "pid"]
 CONTROLLERS: tuple[str, ...] = get_args(ControllerName)
 
 #: The heading's closed loop: natural frequency [rad/s], above the fastest growth on any slope, and damping ratio.
@@ -64,7 +65,8 @@ class ClimbSettings:
         speed: Cruising speed along the slope [m/s].
         thrust: Total thrust of the trim [N]; None chooses one inside all limits.
         controller: "default" tracks the trim with a terminal cost, "paper" is the paper's MPC measured from the trim,
-            "paper-zero" the paper's with raw inputs in the cost, "lqr" the saturated LQR of the trim.
+            "paper-zero" the paper's with raw inputs in the cost, "lqr" the saturated LQR of the trim, "pid" balances
+            with the wheels alone at the trim's thrust, for flat ground and gentle slopes.
         duration: [s].
         pitch_error: Initial pitch less the trim's [rad].
         yaw_error: Initial heading, positive left of uphill [rad].
@@ -169,6 +171,8 @@ def make_controller(
     parameters, thrust_limits = reduction.parameters, (0.0, reduction.thrust_max)
     if name == "lqr":
         return LqrController(parameters, reference, thrust_limits=thrust_limits)
+    if name == "pid":
+        return PidController(parameters, reference)
     if name == "default":
         settings = MpcSettings(friction_static=friction_static, thrust_limits=thrust_limits)
     else:

@@ -24,7 +24,8 @@ class Frames:
     Attributes:
         time: The trajectory's time, shape (n,) [s].
         configuration: Configurations, shape (n, nq).
-        thrust: Thruster's frame -> thrust, shape (n,) [N].
+        thrust_force: Thruster's frame -> force on the robot, in the world, shape (n, 3) [N].
+        thrust_position: Thruster's frame -> where that force acts, in the world, shape (n, 3) [m].
         contact_force: Wheel's joint -> force of the ground on it, in the world, shape (n, 3) [N].
         contact_position: Wheel's joint -> where that force acts, in the world, shape (n, 3) [m]; NaN without contact.
         com: Centre of mass in the world, shape (n, 3) [m].
@@ -32,7 +33,8 @@ class Frames:
 
     time: NDArray[np.float64]
     configuration: NDArray[np.float64]
-    thrust: dict[str, NDArray[np.float64]]
+    thrust_force: dict[str, NDArray[np.float64]]
+    thrust_position: dict[str, NDArray[np.float64]]
     contact_force: dict[str, NDArray[np.float64]]
     contact_position: dict[str, NDArray[np.float64]]
     com: NDArray[np.float64]
@@ -67,8 +69,6 @@ def sample_frames(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: f
     if time[-1] - instants[-1] > 1e-9:
         instants = np.append(instants, time[-1])
     configuration = _interpolate_configurations(robot, time, dataset["configuration"].values, instants)
-    data = robot.model.createData()
-    com = np.array([np.array(pin.centerOfMass(robot.model, data, one)) for one in configuration])
 
     def linear(values: NDArray[np.float64]) -> NDArray[np.float64]:
         flat = np.asarray(values, dtype=float).reshape(len(time), -1)
@@ -77,17 +77,40 @@ def sample_frames(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: f
             sampled[:, column] = np.interp(instants, time, flat[:, column])
         return sampled.reshape(len(instants), *values.shape[1:])
 
-    thrust, force = linear(dataset["thrust"].values), linear(dataset["contact_force_in_world"].values)
+    force = linear(dataset["contact_force_in_world"].values)
     position = linear(dataset["contact_position_in_world"].values)
     wheels = [str(name) for name in dataset["wheel"].values]
+    thrust = linear(dataset["thrust"].values)
+    thrusts = {str(name): thrust[:, index] for index, name in enumerate(dataset["thruster"].values)}
+    com, thrust_position, thrust_force = _follow(robot, configuration, thrusts)
     return Frames(
         time=instants,
         configuration=configuration,
-        thrust={str(name): thrust[:, index] for index, name in enumerate(dataset["thruster"].values)},
+        thrust_force=thrust_force,
+        thrust_position=thrust_position,
         contact_force={name: force[:, index] for index, name in enumerate(wheels)},
         contact_position={name: position[:, index] for index, name in enumerate(wheels)},
         com=com,
     )
+
+
+def _follow(
+    robot: Robot, configuration: NDArray[np.float64], thrusts: dict[str, NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
+    """Centre of mass, and point and force of every thruster, in the world along the configurations."""
+    data = robot.model.createData()
+    thrusters = [robot.thruster(frame) for frame in thrusts]
+    com = np.empty((len(configuration), 3))
+    position = {frame: np.empty((len(configuration), 3)) for frame in thrusts}
+    force = {frame: np.empty((len(configuration), 3)) for frame in thrusts}
+    for index, one in enumerate(configuration):
+        com[index] = pin.centerOfMass(robot.model, data, one)
+        for thruster in thrusters:
+            placement = data.oMi[thruster.joint_id]
+            position[thruster.frame][index] = placement.act(thruster.position_in_joint)
+            direction = placement.rotation @ thruster.direction_in_joint
+            force[thruster.frame][index] = thrusts[thruster.frame][index] * direction
+    return com, position, force
 
 
 def _check(dataset: xarray.Dataset, robot: Robot) -> NDArray[np.float64]:

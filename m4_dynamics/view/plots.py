@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from m4_dynamics.errors import ResultFileError
+from m4_dynamics.view.friction import friction_use_in_plane, worst_wheel
 from m4_dynamics.view.style import (
     COLOURS,
     draw_limit,
     dress_axes,
-    label_line,
+    label_lines,
     new_figure,
     run_subtitle,
     save_figure,
@@ -100,7 +101,7 @@ def draw_states(dataset: xarray.Dataset, *, thrust_limit: float | None = None) -
         )
         dress_axes(axes, title=title, ylabel=ylabel)
         tight_limits(axes, scale * state[:, column], scale * reference[:, column], least_span=least_span)
-    label_line(panels[0, 0], location="upper left")
+    label_lines(panels[0, 0])
     _draw_duty(panels[2, 0], dataset, time, inputs[:, 0], inputs_reference[:, 0])
     _draw_thrust(panels[2, 1], time, inputs[:, 1], inputs_reference[:, 1], thrust_limit)
 
@@ -116,7 +117,7 @@ def draw_states(dataset: xarray.Dataset, *, thrust_limit: float | None = None) -
     panels[3, 1].plot(time, error[:, 1], color=COLOURS["purple"], linewidth=1.6, label="pitch")
     dress_axes(panels[3, 1], title="Tracking error", ylabel="reference − actual [deg]", xlabel=_TIME_LABEL)
     tight_limits(panels[3, 1], error[:, :2], include=(0.0,), least_span=1.0)
-    label_line(panels[3, 1])
+    label_lines(panels[3, 1])
 
     _finish(figure, panels.ravel(), time, dataset, "States, references and inputs")
     return figure
@@ -142,14 +143,21 @@ def draw_ground_forces(dataset: xarray.Dataset) -> Figure:
     sources = {"simulated": _values(dataset, "ground_force_simulated"), "model": _values(dataset, "ground_force_model")}
     reserve = {name: friction * force[:, 1] - np.abs(force[:, 0]) for name, force in sources.items()}
     normal = {name: force[:, 1] for name, force in sources.items()}
-    use = {name: _friction_use(force, friction) for name, force in sources.items()}
+    use = {name: friction_use_in_plane(force, friction) for name, force in sources.items()}
 
     figure = new_figure(width=10.0, height=10.5)
     panels = figure.subplots(5, 1, sharex=True)
     _draw_sources(panels[0], time, reserve, "Friction reserve", r"$\mu_s f_n - |f_x|$ [N]", 0.0, "slips below", "below")
     _draw_sources(panels[1], time, normal, "Normal force, both wheels", r"$f_n$ [N]", 0.0, "lifts off below", "below")
     _draw_sources(panels[2], time, use, "Friction use", r"$|f_x|\,/\,\mu_s f_n$ [-]", 1.0, "slips above", "above")
-    label_line(panels[0])
+    if "friction_use" in dataset:
+        # The reduced model knows nothing of sideways forces, which use up friction too.
+        worst = worst_wheel(_values(dataset, "friction_use"))
+        panels[2].plot(time, worst, color=COLOURS["purple"], linewidth=1.1, label="worst wheel, sideways included")
+        label_lines(panels[2], leave_out=("simulated contact", "model of the controller"))
+    # The model's forces mean nothing once the robot lies on the ground; they would flatten the rest.
+    panels[2].set_ylim(top=min(panels[2].get_ylim()[1], 1.6))
+    label_lines(panels[0])
     _draw_slip(panels[3], dataset, time)
     _draw_cost(panels[4], dataset, time)
     _finish(figure, panels, time, dataset, "Ground forces, slip and cost")
@@ -174,15 +182,6 @@ def _wheel_label(dataset: xarray.Dataset, index: int) -> str:
     return str(dataset["wheel"].values[index]).replace("_", " ") if "wheel" in dataset.coords else f"wheel {index + 1}"
 
 
-def _friction_use(force: NDArray[np.float64], friction: float) -> NDArray[np.float64]:
-    """Share of the available friction in use, NaN where the wheels don't press on the ground."""
-    available = friction * force[:, 1]
-    use: NDArray[np.float64] = np.divide(
-        np.abs(force[:, 0]), available, out=np.full(len(force), np.nan), where=available > 1e-9
-    )
-    return use
-
-
 def _draw_duty(
     axes: Axes,
     dataset: xarray.Dataset,
@@ -203,7 +202,7 @@ def _draw_duty(
     axes.set_ylim(-1.18, 1.18)
     draw_limit(axes, 1.0, "limit")
     draw_limit(axes, -1.0, "limit")
-    label_line(axes, location="lower left")
+    label_lines(axes, leave_out=("mean", "reference"))
 
 
 def _draw_thrust(
@@ -245,15 +244,16 @@ def _draw_slip(axes: Axes, dataset: xarray.Dataset, time: NDArray[np.float64]) -
     slip = 1e3 * _values(dataset, "slip_speed")
     floor = 1e-3  # [mm/s]; below it a contact stands still for any purpose
     touching = [index for index in range(slip.shape[1]) if np.nanmax(slip[:, index], initial=0.0) > 0.0]
-    for colour, index in zip(series_colours(len(touching)), touching, strict=True):
+    for order, (colour, index) in enumerate(zip(series_colours(len(touching)), touching, strict=True)):
+        dash = "-" if order % 2 == 0 else (0, (4, 1.5))
         label = _wheel_label(dataset, index)
-        axes.plot(time, np.maximum(slip[:, index], floor), color=colour, linewidth=1.3, label=label)
+        axes.plot(time, np.maximum(slip[:, index], floor), color=colour, linewidth=1.4, linestyle=dash, label=label)
     dress_axes(axes, title="Slip speed of the contact points", ylabel="[mm/s]")
     axes.set_yscale("log")
     axes.set_ylim(floor, max(30.0, 2.0 * float(np.nanmax(slip, initial=0.0))))
     draw_limit(axes, _SLIDING_MM_S, f"sliding above {_SLIDING_MM_S:g} mm/s")
     if touching:
-        label_line(axes, location="lower right")
+        label_lines(axes)
 
 
 def _draw_cost(axes: Axes, dataset: xarray.Dataset, time: NDArray[np.float64]) -> None:
@@ -271,7 +271,7 @@ def _draw_cost(axes: Axes, dataset: xarray.Dataset, time: NDArray[np.float64]) -
     dress_axes(axes, title="Cost", ylabel=r"$J$ [-]", xlabel=_TIME_LABEL)
     if drawn:
         axes.set_yscale("log")
-        label_line(axes, location="upper right")
+        label_lines(axes)
     else:
         axes.text(0.5, 0.5, "this controller reports no cost", transform=axes.transAxes, ha="center", va="center")
 

@@ -25,6 +25,7 @@ from m4_dynamics.robot.robot import Robot
 from m4_dynamics.view.arrows import round_scale
 from m4_dynamics.view.bodies import joint_path
 from m4_dynamics.view.frames import Frames, sample_frames
+from m4_dynamics.view.friction import friction_use_in_plane, worst_wheel
 from m4_dynamics.view.ground import TILE_LENGTH, clip_profile
 from m4_dynamics.view.motion import animation_command, motion_matrix
 from m4_dynamics.view.scene import (
@@ -90,7 +91,7 @@ def replay_html(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: flo
         ResultFileError: The trajectory cannot be shown with this robot.
     """
     frames = sample_frames(dataset, robot, frames_per_second=frames_per_second)
-    metres_per_newton = round_scale([*frames.contact_force.values(), *(f[:, None] for f in frames.thrust.values())])
+    metres_per_newton = round_scale([*frames.contact_force.values(), *frames.thrust_force.values()])
     motions = scene_motions(robot, frames, metres_per_newton=metres_per_newton)
     bounds = scene_bounds(motions, robot)
     profile = clip_profile(
@@ -156,10 +157,12 @@ def _readouts(dataset: xarray.Dataset, frames: Frames) -> list[dict[str, Any]]:
         readouts.append({"label": "pitch", "unit": "°", "digits": 1, "values": at_frames(pitch, 2)})
     thrust = dataset["thrust"].sum("thruster").values
     readouts.append({"label": "thrust", "unit": "N", "digits": 1, "values": at_frames(thrust, 2)})
-    if "ground_force_simulated" in dataset and "friction_static" in dataset.attrs:
-        along, normal = np.asarray(dataset["ground_force_simulated"].values, dtype=float).T
-        available = float(dataset.attrs["friction_static"]) * normal
-        use = np.divide(100.0 * np.abs(along), available, out=np.full(len(along), np.nan), where=available > 1e-9)
+    if "friction_use" in dataset:
+        use = 100.0 * worst_wheel(np.asarray(dataset["friction_use"].values, dtype=float))
+        readouts.append({"label": "friction use", "unit": "%", "digits": 0, "values": at_frames(use, 1)})
+    elif "ground_force_simulated" in dataset and "friction_static" in dataset.attrs:
+        force = np.asarray(dataset["ground_force_simulated"].values, dtype=float)
+        use = 100.0 * friction_use_in_plane(force, float(dataset.attrs["friction_static"]))
         readouts.append({"label": "friction use", "unit": "%", "digits": 0, "values": at_frames(use, 1)})
     return readouts
 

@@ -86,28 +86,21 @@ def scene_motions(robot: Robot, frames: Frames, *, metres_per_newton: float) -> 
     data = robot.model.createData()
     count, joints = len(frames.time), robot.model.njoints
     position, quaternion = np.empty((joints, count, 3)), np.empty((joints, count, 4))
-    thrust_origin = {thruster.frame: np.empty((count, 3)) for thruster in robot.thrusters}
-    thrust_force = {thruster.frame: np.zeros((count, 3)) for thruster in robot.thrusters}
     for index, configuration in enumerate(frames.configuration):
         pin.forwardKinematics(robot.model, data, configuration)
         for joint, placement in enumerate(data.oMi):
             position[joint, index] = placement.translation
             quaternion[joint, index] = pin.Quaternion(placement.rotation).coeffs()
-        for thruster in robot.thrusters:
-            placement = data.oMi[thruster.joint_id]
-            thrust_origin[thruster.frame][index] = placement.act(thruster.position_in_joint)
-            if thruster.frame in frames.thrust:
-                direction = placement.rotation @ thruster.direction_in_joint
-                thrust_force[thruster.frame][index] = frames.thrust[thruster.frame][index] * direction
     motions = [Motion(joint_path(robot, joint), position[joint], quaternion[joint]) for joint in range(1, joints)]
-    for frame, origin in thrust_origin.items():
-        path = _thrust_path(frame)
-        motions += arrow_motions(path, origin, thrust_force[frame], metres_per_newton=metres_per_newton)
+    nowhere = np.full((count, 3), np.nan)
+    for thruster in robot.thrusters:
+        origin = frames.thrust_position.get(thruster.frame, nowhere)
+        force = frames.thrust_force.get(thruster.frame, nowhere)
+        motions += arrow_motions(_thrust_path(thruster.frame), origin, force, metres_per_newton=metres_per_newton)
     for wheel in robot.wheels:
-        path, nowhere = _contact_path(wheel.joint), np.full((count, 3), np.nan)
         origin = frames.contact_position.get(wheel.joint, nowhere)
         force = frames.contact_force.get(wheel.joint, nowhere)
-        motions += arrow_motions(path, origin, force, metres_per_newton=metres_per_newton)
+        motions += arrow_motions(_contact_path(wheel.joint), origin, force, metres_per_newton=metres_per_newton)
     motions.append(Motion("/com", frames.com))
     return motions
 

@@ -7,7 +7,6 @@ in dash or width. Figures are built through Matplotlib's object interface, so dr
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import xarray
@@ -24,7 +23,7 @@ __all__ = [
     "INK",
     "draw_limit",
     "dress_axes",
-    "label_line",
+    "label_lines",
     "new_figure",
     "run_facts",
     "run_subtitle",
@@ -131,6 +130,8 @@ def draw_limit(axes: Axes, value: float, text: str, *, forbidden: str | None = N
         va="bottom",
         size=_LABEL_SIZE - 1.5,
         color=COLOURS["slate"],
+        bbox={"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.8},
+        zorder=5,
     )
     if forbidden is not None:
         low, high = axes.get_ylim()
@@ -139,23 +140,26 @@ def draw_limit(axes: Axes, value: float, text: str, *, forbidden: str | None = N
         axes.set_ylim(low, high)
 
 
-def label_line(
-    axes: Axes,
-    *,
-    columns: int = 2,
-    location: Literal["best", "upper left", "upper right", "lower left", "lower right"] = "best",
-) -> None:
-    """Add the panel's legend in the house look.
+def label_lines(axes: Axes, *, leave_out: tuple[str, ...] = ()) -> None:
+    """Add the panel's legend in the line of its title, where it hides no data.
 
     Args:
         axes: The axes, with labelled lines.
-        columns: Number of columns.
-        location: Matplotlib's name of the place.
+        leave_out: Labels that another panel's legend explains already.
     """
+    handles, labels = axes.get_legend_handles_labels()
     legend = axes.legend(
-        loc=location, ncols=columns, fontsize=_LABEL_SIZE - 1, frameon=True, framealpha=0.85, handlelength=1.9
+        handles=[handle for handle, label in zip(handles, labels, strict=True) if label not in leave_out],
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=8,
+        fontsize=_LABEL_SIZE - 0.5,
+        frameon=False,
+        handlelength=1.9,
+        columnspacing=1.4,
+        borderaxespad=0.1,
+        borderpad=0.2,
     )
-    legend.get_frame().set_linewidth(0.0)
     for text in legend.get_texts():
         text.set_color(INK)
 

@@ -47,46 +47,7 @@ def m4_reduction(m4: Robot) -> Reduction:
     return reduce_robot(m4)
 
 
-SCOOTER_URDF = """<robot name="scooter">
-  <link name="frame">
-    <inertial><origin xyz="0.01 0 0.3"/><mass value="4"/>
-      <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.12" iyz="0" izz="0.05"/></inertial>
-    <collision><origin xyz="0 0 0.3"/><geometry><box size="0.2 0.3 0.6"/></geometry></collision>
-  </link>
-  <link name="wheel_a"><inertial><mass value="0.5"/>
-    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.001"/></inertial></link>
-  <link name="wheel_b"><inertial><mass value="0.5"/>
-    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.001"/></inertial></link>
-  <joint name="axle_a" type="continuous"><origin xyz="0 0.2 -0.05"/><axis xyz="0 1 0"/>
-    <parent link="frame"/><child link="wheel_a"/></joint>
-  <joint name="axle_b" type="continuous"><origin xyz="0 -0.2 -0.05"/><axis xyz="0 -1 0"/>
-    <parent link="frame"/><child link="wheel_b"/></joint>
-</robot>
-"""
-
-SCOOTER_SRDF = """<robot name="scooter"><group_state name="drive" group="all"/></robot>
-"""
-
-SCOOTER_TOML = """[robot]
-name = "scooter"
-urdf = "scooter.urdf"
-srdf = "scooter.srdf"
-[wheels]
-joints = ["axle_a", "axle_b"]
-radius = 0.1
-[motor]
-torque_constant = 3.0
-back_emf_constant = 0.2
-[balance]
-posture = "drive"
-drive_wheels = ["axle_a", "axle_b"]
-"""
-
-
 @pytest.fixture(scope="session")
-def scooter_description(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def scooter_description() -> Path:
     """A thrusterless two-wheeler whose wheel axes point opposite ways."""
-    folder = tmp_path_factory.mktemp("scooter")
-    for suffix, text in ((".urdf", SCOOTER_URDF), (".srdf", SCOOTER_SRDF), (".toml", SCOOTER_TOML)):
-        (folder / f"scooter{suffix}").write_text(text)
-    return folder / "scooter.toml"
+    return Path(__file__).parents[1] / "data" / "scooter" / "scooter.toml"

@@ -41,6 +41,12 @@ def test_true_rates_are_derivatives_of_true_angles(climb):
     np.testing.assert_allclose(differences[100:], state[101:-1, 2:], atol=5e-3)
 
 
+def test_drive_wheel_duties_count_forward(climb):
+    dataset = climb(45.0, 5.0).dataset
+    driven = dataset.wheel_duty.sel(wheel=dataset.attrs["drive_wheels"])
+    np.testing.assert_allclose(driven.mean("wheel"), dataset.inputs.sel(reduced_input="duty"), atol=1e-12)
+
+
 def test_written_and_read_back(climb, tmp_path):
     dataset = climb(45.0, 5.0).dataset
     path = save_trajectory(dataset, tmp_path / "trajectory.nc")

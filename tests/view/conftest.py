@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +17,7 @@ from m4_dynamics.robot.robot import Robot
 
 SLOPE = np.deg2rad(45.0)
 FRICTION = 0.8
-CHROMIUM = Path("/usr/bin/chromium")
+CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM_FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 
 
@@ -164,18 +164,22 @@ def synthetic_climb(robot: Robot, duration: float, rate: float) -> xarray.Datase
 def browser() -> Iterator[Any]:
     """Headless Chromium; without one the test is skipped, but in continuous integration (CI=true) it fails."""
     try:
-        from playwright.sync_api import sync_playwright
+        from playwright.sync_api import Error, sync_playwright
     except ImportError:
         _no_browser("Playwright is not installed")
-    if not CHROMIUM.exists():
-        _no_browser(f"{CHROMIUM} does not exist")
+    program = next((path for path in map(shutil.which, CHROMIUM_NAMES) if path), None)
+    if program is None:
+        _no_browser(f"none of {', '.join(CHROMIUM_NAMES)} is installed")
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=str(CHROMIUM), args=CHROMIUM_FLAGS)
+        try:
+            running = playwright.chromium.launch(executable_path=program, args=CHROMIUM_FLAGS)
+        except Error as error:  # for instance a stub that only offers to install the browser
+            _no_browser(f"{program} does not start: {error.message.splitlines()[0]}")
         yield running
         running.close()
 
 
-def _no_browser(reason: str) -> None:
+def _no_browser(reason: str) -> NoReturn:
     message = f"no browser for this test: {reason}"
     if os.environ.get("CI") == "true":
         pytest.fail(message)

@@ -78,6 +78,17 @@ def test_ground_constraints_are_those_of_the_trajectory(climb: xarray.Dataset) -
     np.testing.assert_allclose(lines_of(figure, "Cost")["MPC cost $J$"], climb.cost.values)
 
 
+def test_sideways_forces_count_where_they_are_recorded(climb: xarray.Dataset) -> None:
+    use = np.zeros((climb.sizes["time"], climb.sizes["wheel"]))
+    use[:, 2], use[:, 3] = 0.7, 0.9
+    use[50:60] = np.nan
+    recorded = climb.assign(friction_use=(("time", "wheel"), use))
+    drawn = lines_of(draw_ground_forces(recorded), "Friction use")["worst wheel, sideways included"]
+    assert np.isnan(drawn[50:60]).all()
+    np.testing.assert_array_equal(np.delete(drawn, np.s_[50:60]), 0.9)
+    assert "worst wheel, sideways included" not in lines_of(draw_ground_forces(climb), "Friction use")
+
+
 def test_lost_contact_leaves_a_gap_in_the_friction_use(climb: xarray.Dataset) -> None:
     airborne = climb.copy(deep=True)
     airborne["ground_force_simulated"][100:120] = 0.0

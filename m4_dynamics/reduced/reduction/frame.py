@@ -161,10 +161,10 @@ def balance_frame(robot: Robot, configuration: ArrayLike) -> BalanceFrame:
 
     hint = _forward_hint(robot, data)
     forward = hint - axle_line * (axle_line @ hint)
-    if np.linalg.norm(forward) < 0.1 * np.linalg.norm(hint):
+    if np.linalg.norm(forward) < 0.1:
         raise RobotDescriptionError(
-            f"robot '{robot.name}': its forward direction lies along the axle of '{wheels[0].joint}' and "
-            f"'{wheels[1].joint}'; give balance.forward a direction across it"
+            f"robot '{robot.name}' has no forward direction in this posture: its thrust cancels or lies along the axle "
+            f"of '{wheels[0].joint}' and '{wheels[1].joint}'; give balance.forward a direction across the axle"
         )
     forward = forward / np.linalg.norm(forward)
     up = np.cross(forward, axle_line)
@@ -205,10 +205,11 @@ def _common_axis(robot: Robot, wheels: tuple[Wheel, Wheel], axes: list[_Array], 
 
 
 def _forward_hint(robot: Robot, data: pin.Data) -> _Array:
-    """Roughly forward, in the base: as described, or the mean thrust direction, or the base's x axis."""
+    """Roughly forward, in the base, at most of length 1: as described, or the mean thrust direction, or base x."""
     balance = robot.require_balance()
     if balance.forward is not None:
-        return np.asarray(balance.forward, dtype=float)
+        described = np.asarray(balance.forward, dtype=float)
+        return np.asarray(described / np.linalg.norm(described))
     if not balance.thrusters:
         return np.array([1.0, 0.0, 0.0])
     thrusters = [robot.thruster(frame) for frame in balance.thrusters]
