@@ -13,7 +13,7 @@ from m4_dynamics.reduced.equilibrium import equilibrium_pitches
 from m4_dynamics.reduced.pendulum import MipParameters, inverse_dynamics
 from m4_dynamics.reduced.trim import Trim
 
-__all__ = ["ReferenceTrajectory", "balancing_pitch", "climb_reference"]
+__all__ = ["ReferenceTrajectory", "balancing_pitch", "climb_reference", "smooth_step"]
 
 _Array = NDArray[np.float64]
 
@@ -146,7 +146,7 @@ def climb_reference(
     position = np.zeros_like(time)
     derivatives = np.zeros((4, len(time)))  # speed, acceleration, jerk, snap along the slope
     for ramp_start, sign in ((start_time, 1.0), (cruise_end, -1.0)):
-        ramp_position, ramp_derivatives = _ramp(time - ramp_start, ramp_time)
+        ramp_position, ramp_derivatives = smooth_step(time - ramp_start, ramp_time)
         position += sign * speed * ramp_position
         derivatives += sign * speed * ramp_derivatives
     derivatives[:, time >= duration - hold_time] = 0.0  # rest is rest, without the rounding of the difference
@@ -206,8 +206,16 @@ def balancing_pitch(
     return pitch, pitch_a, -(2.0 * g_ta * pitch_a + g_tt * pitch_a**2) / g_t
 
 
-def _ramp(time: _Array, duration: float) -> tuple[_Array, _Array]:
-    """Integral (N,), value and first three derivatives (4, N) of the smooth step from 0 to 1 that starts at time 0."""
+def smooth_step(time: _Array, duration: float) -> tuple[_Array, _Array]:
+    """The smooth step 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7 from 0 to 1, s = t / duration.
+
+    Args:
+        time: Since the step's start, shape (N,) [s].
+        duration: Of the step [s].
+
+    Returns:
+        Its integral, shape (N,) [s], and its value and first three derivatives, shape (4, N).
+    """
     s = np.clip(time / duration, 0.0, 1.0)
     integral = duration * s**5 * (7.0 + s * (-14.0 + s * (10.0 - 2.5 * s))) + np.maximum(time - duration, 0.0)
     value = s**4 * (35.0 + s * (-84.0 + s * (70.0 - 20.0 * s)))
