@@ -17,6 +17,8 @@ __all__ = [
     "BACK_EMF_PITCH",
     "COM_FORWARD",
     "COM_UP",
+    "DISTURBANCE_PITCH",
+    "DISTURBANCE_WHEEL",
     "GRAVITY",
     "INERTIA_BODY",
     "INERTIA_WHEEL",
@@ -50,7 +52,10 @@ BACK_EMF_CONSTANT = 10
 #: Coefficient of the pitch rate in the motor torque: k2 if the back-EMF sees the wheel relative to the body, else 0.
 BACK_EMF_PITCH = 11
 GRAVITY = 12
-PARAMETER_COUNT = 13
+#: Generalised forces beside the model's own, on wheel angle and pitch [N m]; zero for the pendulum itself.
+DISTURBANCE_WHEEL = 13
+DISTURBANCE_PITCH = 14
+PARAMETER_COUNT = 15
 
 _Array = NDArray[np.float64]
 
@@ -89,7 +94,8 @@ def _accelerate(
     torque = p[TORQUE_CONSTANT] * duty - p[BACK_EMF_CONSTANT] * wheel_rate + p[BACK_EMF_PITCH] * pitch_rate
     rhs1 = torque + r * cos_tb * thrust
     rhs1 -= p[MASS_BODY] * r * eta_t * pitch_rate * pitch_rate + mass * p[GRAVITY] * r * sin_b
-    rhs2 = -torque + p[THRUST_UP] * thrust
+    rhs1 += p[DISTURBANCE_WHEEL]
+    rhs2 = -torque + p[THRUST_UP] * thrust + p[DISTURBANCE_PITCH]
     rhs2 += p[MASS_BODY] * p[GRAVITY] * (p[COM_FORWARD] * cos_t + p[COM_UP] * sin_t)
     n11 = m22 * scale
     n12 = -m12 * scale

@@ -33,6 +33,7 @@ from m4_dynamics.reduced.trim import Trim, select_trim
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.balance import BalanceLoop, balance_estimator, drive_wheels
 from m4_dynamics.simulation.plant import Plant
+from m4_dynamics.simulation.plant_errors import PlantErrors, perturbed_robot
 from m4_dynamics.simulation.recorder import Recorder
 from m4_dynamics.simulation.sensors import SensorModel
 from m4_dynamics.simulation.trajectory import build_trajectory
@@ -75,6 +76,7 @@ class ClimbSettings:
         control_period: [s].
         posture_compensation: Whether the servos are told the trim's holding torques, so that the legs do not sag.
         sensors: Imperfections of the sensors; None measures exactly.
+        plant_errors: How the simulated robot differs from the one that the controllers know.
     """
 
     slope: float
@@ -90,6 +92,7 @@ class ClimbSettings:
     control_period: float = 5e-3
     posture_compensation: bool = True
     sensors: SensorModel | None = None
+    plant_errors: PlantErrors = PlantErrors()
 
     def __post_init__(self) -> None:
         limits: dict[str, tuple[float, float]] = {
@@ -244,12 +247,14 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
     heading_hold = make_heading_hold(robot, reduction, trim)
     distance = abs(parameters.wheel_radius * float(np.ptp(reference.state[:, 0])))
     terrain = ramp_terrain(settings.slope, flat_before=1.5, length=settings.start_position + distance + 1.5)
-    ground = dataclasses.replace(robot.ground, friction_static=friction)
+    errors = settings.plant_errors
+    ground = errors.applied_to(dataclasses.replace(robot.ground, friction_static=friction))
     plant = Plant(
-        FullModel.build(robot, terrain, ground=ground),
+        FullModel.build(perturbed_robot(robot, errors), terrain, ground=ground),
         control_period=settings.control_period,
         time_step=settings.time_step,
         sensors=settings.sensors,
+        thrust_scale=errors.thrust_scale,
     )
     sinking = trim.normal_force / (2.0 * ground.stiffness)
     configuration = configuration_on_slope(

@@ -30,13 +30,13 @@ Array = NDArray[np.float64]
 
 @njit(cache=True)
 def _drive_actuators(
-    duty_command: Any, thrust_command: Any, thrust_limit: Any, lag: Any, duty: Any, thrust: Any
+    duty_command: Any, thrust_command: Any, thrust_limit: Any, thrust_scale: float, lag: Any, duty: Any, thrust: Any
 ) -> None:
     """Limit the commands; the thrust follows with the rotor's lag (the part of the way it goes in one sample)."""
     for i in range(duty.shape[0]):
         duty[i] = min(1.0, max(-1.0, duty_command[i]))
     for i in range(thrust.shape[0]):
-        wanted = min(thrust_limit[i], max(0.0, thrust_command[i]))
+        wanted = thrust_scale * min(thrust_limit[i], max(0.0, thrust_command[i]))
         thrust[i] += lag[i] * (wanted - thrust[i])
 
 
@@ -52,6 +52,7 @@ class Plant:
         control_period: Time between two measurements [s].
         time_step: Integration step; a whole number of them must fit into the control period [s].
         sensors: Imperfections of the sensors; None measures exactly.
+        thrust_scale: Thrust given over thrust commanded; other than 1 is an error that no controller knows of.
         command: What the actuators are told until it is written anew: servo targets, duties, brakes, thrusts, a push.
         stepper: The integrator, with the state, contact forces, counters, and what the actuators do.
         measurement: The last measurement as a flat array, shape (10 + 2 wheels,); see `measurement_now`.
@@ -61,6 +62,7 @@ class Plant:
     control_period: float = 5e-3
     time_step: float = 1e-3
     sensors: SensorModel | None = None
+    thrust_scale: float = 1.0
     command: Actuation = field(init=False)
     stepper: ImplicitStepper = field(init=False)
     measurement: Array = field(init=False)
@@ -144,8 +146,8 @@ class Plant:
         self._previous_velocity[:] = self.stepper.velocity
         actuation = self.stepper.actuation
         _drive_actuators(
-            self.command.wheel_duty, self.command.thrust, self._thrust_limit, self._rotor_lag, actuation.wheel_duty,
-            actuation.thrust,
+            self.command.wheel_duty, self.command.thrust, self._thrust_limit, self.thrust_scale, self._rotor_lag,
+            actuation.wheel_duty, actuation.thrust,
         )  # fmt: skip
         self.stepper.step(self._substeps)
         self.stepper.require_bounded()
