@@ -18,9 +18,9 @@ from m4_dynamics.bench.casadi_mpc import build_casadi_controller
 from m4_dynamics.bench.drake_stepping import build_drake_stepper
 from m4_dynamics.bench.mujoco_stepping import build_mujoco_stepper
 from m4_dynamics.bench.peers import PeerMissingError
-from m4_dynamics.full.standing import standing_configuration
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.full.model import FullModel
+from m4_dynamics.full.standing import standing_configuration
 from m4_dynamics.full.stepping import ImplicitStepper
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.climb import ClimbSettings, prepare_climb, run_climb

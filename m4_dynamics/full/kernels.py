@@ -10,7 +10,6 @@ changed. Arrays are plain; `full/model.py` packs them and documents their meanin
 """
 
 # Arguments of one kind share a line of the docstring.
-# ruff: noqa: D417
 
 from __future__ import annotations
 

@@ -14,9 +14,9 @@ import pytest
 from m4_dynamics.bench.drake_stepping import build_drake_stepper
 from m4_dynamics.bench.mujoco_stepping import build_mujoco_stepper
 from m4_dynamics.bench.peers import PeerMissingError, import_peer
-from m4_dynamics.full.standing import joint_angles, standing_configuration
 from m4_dynamics.errors import InvalidSettingError, M4Error, RobotDescriptionError, UnknownNameError
 from m4_dynamics.full.model import FullModel
+from m4_dynamics.full.standing import joint_angles, standing_configuration
 from m4_dynamics.full.stepping import ImplicitStepper
 from m4_dynamics.robot.loading import load_robot
 from m4_dynamics.robot.robot import Robot
