@@ -47,7 +47,7 @@ class MpcSettings:
         sqp_iterations: Linearisations per control step; 1 is the real-time iteration.
         sqp_tolerance: With more than one, stop when the step is below this (in units of half an input's range).
         solver_tolerance: Absolute tolerance of the QP solver.
-        solver_iterations: Cap of ProxQP's outer iterations.
+        solver_iterations: Cap of ProxQP's outer iterations; 11 are the most that a cold start was seen to need.
         solver_inner_iterations: Cap of ProxQP's inner iterations per outer one.
         plan_age_max: After a failed optimisation, samples for which the last good plan is followed before the saturated
             LQR takes over. The plan is open loop on an unstable robot: keep it short.
@@ -70,8 +70,8 @@ class MpcSettings:
     sqp_iterations: int = 1
     sqp_tolerance: float = 1e-8
     solver_tolerance: float = 1e-6
-    solver_iterations: int = 60
-    solver_inner_iterations: int = 60
+    solver_iterations: int = 20
+    solver_inner_iterations: int = 30
     plan_age_max: int = 2
 
     @classmethod
