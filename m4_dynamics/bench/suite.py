@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from m4_dynamics.bench.casadi_mpc import build_casadi_controller
+from m4_dynamics.bench.casadi_mpc import CASADI_CONTENDERS, build_casadi_controller
 from m4_dynamics.bench.drake_stepping import build_drake_stepper
 from m4_dynamics.bench.mujoco_stepping import build_mujoco_stepper
 from m4_dynamics.bench.peers import PeerMissingError
