@@ -113,7 +113,8 @@ def vector(values: tuple[float, ...]) -> str:
 
 def add_origin(parent: ET.Element, position: Vector, rpy: Vector = (0.0, 0.0, 0.0)) -> None:
     """Append an origin element; angles in rad."""
-    ET.SubElement(parent, "origin", xyz=vector(position), rpy=vector(rpy))
+    # Angles keep every digit: a rounded quarter turn would tilt the thrust.
+    ET.SubElement(parent, "origin", xyz=vector(position), rpy=" ".join(f"{angle:.17g}" for angle in rpy))
 
 
 def add_inertial(link: ET.Element, mass: float, centre: Vector, inertia: Vector) -> None:

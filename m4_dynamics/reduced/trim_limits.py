@@ -63,10 +63,10 @@ class TrimLimits:
     """
 
     friction_static: float = 0.8
-    friction_fraction: float = 0.9
-    friction_reserve: float = 0.9
+    friction_fraction: float = 0.8
+    friction_reserve: float = 0.75
     thrust_range: tuple[float, float] = (0.0, 43.2)
-    thrust_margin: float = 2.0
+    thrust_margin: float = 4.0
     duty_max: float = 1.0
     duty_margin: float = 0.05
     normal_force_min: float = 5.0

@@ -5,7 +5,6 @@ Only the file's own form is checked here (keys, types, signs); whether a named j
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import Any
 
 from m4_dynamics.errors import RobotDescriptionError
 from m4_dynamics.robot.robot import Assumption, Balance, Ground, Motor
+from m4_dynamics.robot.toml_table import TomlTable
 
 __all__ = ["RobotDescription", "ServoSettings", "ThrusterSettings", "WheelSettings", "read_description"]
 
@@ -102,160 +102,6 @@ class RobotDescription:
     assumptions: tuple[Assumption, ...]
 
 
-class _Table:
-    """One TOML table that knows where it stands, hands out checked values and notices keys that nobody asked for."""
-
-    def __init__(self, file: Path, path: str, values: object) -> None:
-        self.file = file
-        self.path = path
-        if not isinstance(values, dict):
-            raise RobotDescriptionError(f"{file}: [{path}] must be a table, got {_type_name(values)}")
-        self.values: dict[str, Any] = values
-        self.known: list[str] = []
-
-    def error(self, key: str, problem: str) -> RobotDescriptionError:
-        return RobotDescriptionError(f"{self.file}: [{self.path}] {key} {problem}")
-
-    def take(self, key: str) -> Any:
-        self.known.append(key)
-        return self.values.get(key)
-
-    def require(self, key: str, wanted: str) -> Any:
-        value = self.take(key)
-        if value is None:
-            raise self.error(key, f"is missing; expected {wanted}")
-        return value
-
-    def check_number(
-        self,
-        key: str,
-        value: object,
-        *,
-        above: float | None = None,
-        least: float | None = None,
-        most: float | None = None,
-    ) -> float:
-        wanted = _range_in_words(above, least, most)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.error(key, f"must be {wanted}, got {_type_name(value)} {value!r}")
-        number = float(value)
-        too_small = (above is not None and number <= above) or (least is not None and number < least)
-        if not math.isfinite(number) or too_small or (most is not None and number > most):
-            raise self.error(key, f"must be {wanted}, got {number!r}")
-        return number
-
-    def number(
-        self,
-        key: str,
-        *,
-        default: float | None = None,
-        above: float | None = None,
-        least: float | None = None,
-        most: float | None = None,
-    ) -> float:
-        value = self.take(key)
-        if value is None:
-            if default is None:
-                raise self.error(key, f"is missing; expected {_range_in_words(above, least, most)}")
-            return default
-        return self.check_number(key, value, above=above, least=least, most=most)
-
-    def number_of_each(
-        self,
-        key: str,
-        names: tuple[str, ...],
-        *,
-        default: float | None = None,
-        optional: bool = False,
-        above: float | None = None,
-        least: float | None = None,
-    ) -> dict[str, float | None]:
-        """One number for all names, or a table with a number for each name."""
-        value = self.take(key)
-        if value is None:
-            if default is None and not optional:
-                raise self.error(
-                    key, f"is missing; expected {_range_in_words(above, least, None)}, or a table of one per name"
-                )
-            return dict.fromkeys(names, default)
-        if not isinstance(value, dict):
-            return dict.fromkeys(names, self.check_number(key, value, above=above, least=least))
-        unknown = [name for name in value if name not in names]
-        if unknown:
-            raise self.error(key, f"names '{unknown[0]}', which is not in this table's list; valid: {', '.join(names)}")
-        missing = [name for name in names if name not in value]
-        if missing:
-            raise self.error(key, f"has no number for '{missing[0]}'")
-        return {name: self.check_number(f"{key}.{name}", value[name], above=above, least=least) for name in names}
-
-    def check_text(self, key: str, value: object) -> str:
-        if not isinstance(value, str) or not value:
-            raise self.error(key, f"must be a non-empty string, got {_type_name(value)} {value!r}")
-        return value
-
-    def text(self, key: str, *, default: str | None = None) -> str:
-        value = self.take(key)
-        if value is None:
-            if default is None:
-                raise self.error(key, "is missing; expected a string")
-            return default
-        return self.check_text(key, value)
-
-    def names(self, key: str, *, length: int | None = None, optional: bool = False) -> tuple[str, ...]:
-        value = self.take(key)
-        wanted = "a list of names" if length is None else f"a list of {length} names"
-        if value is None:
-            if optional:
-                return ()
-            raise self.error(key, f"is missing; expected {wanted}")
-        if not isinstance(value, list) or (length is not None and len(value) != length):
-            raise self.error(key, f"must be {wanted}, got {value!r}")
-        names = tuple(self.check_text(f"{key}[{index}]", name) for index, name in enumerate(value))
-        repeated = [name for name in names if names.count(name) > 1]
-        if repeated:
-            raise self.error(key, f"names '{repeated[0]}' more than once")
-        return names
-
-    def direction(self, key: str, value: object) -> tuple[float, float, float]:
-        if not isinstance(value, list) or len(value) != 3:
-            raise self.error(key, f"must be a list of three numbers, got {value!r}")
-        x, y, z = (self.check_number(f"{key}[{index}]", number) for index, number in enumerate(value))
-        if math.sqrt(x * x + y * y + z * z) < 1e-9:
-            raise self.error(key, "must not be zero")
-        return (x, y, z)
-
-    def finish(self) -> None:
-        unknown = [key for key in self.values if key not in self.known]
-        if unknown:
-            place = f"[{self.path}] " if self.path else ""
-            raise RobotDescriptionError(
-                f"{self.file}: {place}unknown key '{unknown[0]}'; valid: {', '.join(self.known)}"
-            )
-
-
-def _type_name(value: object) -> str:
-    names = {
-        bool: "the boolean",
-        int: "the integer",
-        float: "the number",
-        str: "the string",
-        list: "the list",
-        dict: "the table",
-    }
-    return names.get(type(value), type(value).__name__)
-
-
-def _range_in_words(above: float | None, least: float | None, most: float | None) -> str:
-    parts = []
-    if above is not None:
-        parts.append(f"above {above:g}")
-    if least is not None:
-        parts.append(f"of at least {least:g}")
-    if most is not None:
-        parts.append(f"up to {most:g}")
-    return " ".join(["a number", " and ".join(parts)]).strip()
-
-
 def read_description(path: Path) -> RobotDescription:
     """Read and check a robot's TOML file.
 
@@ -270,11 +116,11 @@ def read_description(path: Path) -> RobotDescription:
             out of range; the message names file, table and key.
     """
     values = _read_toml(path)
-    top = _Table(path, "", values)
+    top = TomlTable(path, "", values)
 
-    def table(name: str) -> _Table | None:
+    def table(name: str) -> TomlTable | None:
         content = top.take(name)
-        return None if content is None else _Table(path, name, content)
+        return None if content is None else TomlTable(path, name, content)
 
     robot = table("robot")
     if robot is None:
@@ -316,27 +162,20 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise RobotDescriptionError(f"{path}: not valid TOML: {error}") from error
 
 
-def _given(numbers: Mapping[str, float | None], name: str) -> float:
-    value = numbers[name]
-    assert value is not None  # number_of_each returns None only where optional=True was asked for
-    return value
-
-
-def _wheels(table: _Table | None) -> tuple[WheelSettings, ...]:
+def _wheels(table: TomlTable | None) -> tuple[WheelSettings, ...]:
     if table is None:
         return ()
     joints = table.names("joints")
     radius = table.number_of_each("radius", joints, above=0.0)
     table.finish()
-    return tuple(WheelSettings(joint=joint, radius=_given(radius, joint)) for joint in joints)
+    return tuple(WheelSettings(joint=joint, radius=radius[joint]) for joint in joints)
 
 
-def _thrusters(table: _Table | None) -> tuple[ThrusterSettings, ...]:
+def _thrusters(table: TomlTable | None) -> tuple[ThrusterSettings, ...]:
     if table is None:
         return ()
     frames = table.names("frames")
-    given = table.take("direction")
-    direction = (0.0, 0.0, 1.0) if given is None else table.direction("direction", given)
+    direction = table.direction("direction") or (0.0, 0.0, 1.0)
     maximum = table.number_of_each("maximum_thrust", frames, above=0.0)
     moment_ratio = table.number_of_each("moment_ratio", frames, default=0.0)
     time_constant = table.number_of_each("time_constant", frames, default=0.0, least=0.0)
@@ -345,36 +184,36 @@ def _thrusters(table: _Table | None) -> tuple[ThrusterSettings, ...]:
         ThrusterSettings(
             frame=frame,
             direction=direction,
-            maximum_thrust=_given(maximum, frame),
-            moment_ratio=_given(moment_ratio, frame),
-            time_constant=_given(time_constant, frame),
+            maximum_thrust=maximum[frame],
+            moment_ratio=moment_ratio[frame],
+            time_constant=time_constant[frame],
         )
         for frame in frames
     )
 
 
-def _servos(table: _Table | None) -> tuple[ServoSettings, ...]:
+def _servos(table: TomlTable | None) -> tuple[ServoSettings, ...]:
     if table is None:
         return ()
     joints = table.names("joints")
     stiffness = table.number_of_each("stiffness", joints, above=0.0)
     damping = table.number_of_each("damping", joints, least=0.0)
-    effort_limit = table.number_of_each("effort_limit", joints, optional=True, above=0.0)
-    velocity_limit = table.number_of_each("velocity_limit", joints, optional=True, above=0.0)
+    effort_limit = table.optional_number_of_each("effort_limit", joints, above=0.0)
+    velocity_limit = table.optional_number_of_each("velocity_limit", joints, above=0.0)
     table.finish()
     return tuple(
         ServoSettings(
             joint=joint,
-            stiffness=_given(stiffness, joint),
-            damping=_given(damping, joint),
-            effort_limit=effort_limit[joint],
-            velocity_limit=velocity_limit[joint],
+            stiffness=stiffness[joint],
+            damping=damping[joint],
+            effort_limit=None if effort_limit is None else effort_limit[joint],
+            velocity_limit=None if velocity_limit is None else velocity_limit[joint],
         )
         for joint in joints
     )
 
 
-def _contact_points(table: _Table | None) -> tuple[str, ...]:
+def _contact_points(table: TomlTable | None) -> tuple[str, ...]:
     if table is None:
         return ()
     points = table.names("points")
@@ -382,7 +221,7 @@ def _contact_points(table: _Table | None) -> tuple[str, ...]:
     return points
 
 
-def _motor(table: _Table | None) -> Motor | None:
+def _motor(table: TomlTable | None) -> Motor | None:
     if table is None:
         return None
     motor = Motor(
@@ -393,7 +232,7 @@ def _motor(table: _Table | None) -> Motor | None:
     return motor
 
 
-def _ground(table: _Table | None) -> Ground:
+def _ground(table: TomlTable | None) -> Ground:
     default = Ground()
     if table is None:
         return default
@@ -413,22 +252,21 @@ def _ground(table: _Table | None) -> Ground:
     return ground
 
 
-def _balance(table: _Table | None) -> Balance | None:
+def _balance(table: TomlTable | None) -> Balance | None:
     if table is None:
         return None
     left, right = table.names("drive_wheels", length=2)
-    forward = table.take("forward")
     balance = Balance(
         posture=table.text("posture"),
         drive_wheels=(left, right),
         thrusters=table.names("thrusters", optional=True),
-        forward=None if forward is None else table.direction("forward", forward),
+        forward=table.direction("forward"),
     )
     table.finish()
     return balance
 
 
-def _assumptions(table: _Table | None, values: Mapping[str, Any]) -> tuple[Assumption, ...]:
+def _assumptions(table: TomlTable | None, values: Mapping[str, Any]) -> tuple[Assumption, ...]:
     if table is None:
         return ()
     assumptions = []

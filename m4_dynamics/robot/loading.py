@@ -7,14 +7,13 @@ thrusters or servos, so that it can be inspected.
 from __future__ import annotations
 
 import hashlib
-import math
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
+from lxml import etree
 from numpy.typing import NDArray
 
 import m4_dynamics
@@ -26,9 +25,13 @@ from m4_dynamics.robot.description import (
     WheelSettings,
     read_description,
 )
+from m4_dynamics.robot.finding import InvalidUrdfError, has_errors
+from m4_dynamics.robot.inertia import model_inertia_findings
+from m4_dynamics.robot.postures import read_postures
 from m4_dynamics.robot.robot import Balance, ContactPoint, Ground, Posture, Robot, Servo, Thruster, Wheel
+from m4_dynamics.robot.urdf_masses import inertial_syntax_findings, mass_findings
 
-__all__ = ["bundled_description", "load_robot"]
+__all__ = ["bundled_description", "find_description", "load_robot"]
 
 
 def bundled_description() -> Path:
@@ -59,33 +62,49 @@ def load_robot(description: Path | str | None = None) -> Robot:
         The robot, on a free-flyer root.
 
     Raises:
-        RobotDescriptionError: If a file is missing, malformed or physically impossible.
+        RobotDescriptionError: If a file is missing or malformed; an `InvalidUrdfError` says what is wrong in a URDF.
         UnknownNameError: If the description names a joint, frame or posture that the robot does not have.
     """
-    path = bundled_description() if description is None else Path(description).expanduser()
-    if not path.exists():
-        raise RobotDescriptionError(f"{path}: no such file; expected a TOML description or a URDF")
-    if not path.is_file():
-        raise RobotDescriptionError(f"{path}: not a file; expected a TOML description or a URDF")
-    suffix = path.suffix.lower()
-    if suffix in (".urdf", ".xml") and path.with_suffix(".toml").is_file():
-        path = path.with_suffix(".toml")
-        suffix = ".toml"
-    if suffix == ".toml":
+    path = find_description(description)
+    if path.suffix.lower() == ".toml":
         return _load_described(read_description(path))
-    if suffix in (".urdf", ".xml"):
-        return _load_bare(path)
-    raise RobotDescriptionError(f"{path}: cannot tell what this is; expected a file ending in .toml or .urdf")
+    return _load_bare(path)
+
+
+def find_description(description: Path | str | None = None) -> Path:
+    """The file that describes a robot.
+
+    Args:
+        description: As for `load_robot`.
+
+    Returns:
+        The TOML description, or the URDF if there is none.
+
+    Raises:
+        RobotDescriptionError: If there is no such file, or its name ends neither in .toml nor in .urdf or .xml.
+    """
+    path = bundled_description() if description is None else Path(description).expanduser()
+    if not path.is_file():
+        problem = "not a file" if path.exists() else "no such file"
+        raise RobotDescriptionError(f"{path}: {problem}; expected a TOML description or a URDF")
+    suffix = path.suffix.lower()
+    if suffix not in (".toml", ".urdf", ".xml"):
+        raise RobotDescriptionError(f"{path}: cannot tell what this is; expected a file ending in .toml or .urdf")
+    beside = path.with_suffix(".toml")
+    return beside if beside.is_file() else path
 
 
 def _load_described(description: RobotDescription) -> Robot:
     model, collision_model, visual_model = _read_urdf(description.urdf)
     where = str(description.path)
     wheels = tuple(_wheel(model, settings, where) for settings in description.wheels)
-    postures = _read_postures(model, description.srdf) if description.srdf else {}
+    postures = read_postures(model, description.srdf) if description.srdf else {}
     thrusters = tuple(_thruster(model, settings, where) for settings in description.thrusters)
     if description.balance is not None:
         _check_balance(description.balance, postures, wheels, thrusters, where)
+    servos = tuple(_servo(model, settings, where) for settings in description.servos)
+    for joint in {wheel.joint for wheel in wheels} & {servo.joint for servo in servos}:
+        raise RobotDescriptionError(f"{where}: joint '{joint}' is listed both under [wheels] and under [servos]")
     files = {"toml": description.path, "urdf": description.urdf}
     if description.srdf is not None:
         files["srdf"] = description.srdf
@@ -97,7 +116,7 @@ def _load_described(description: RobotDescription) -> Robot:
         visual_model=visual_model,
         wheels=wheels,
         thrusters=thrusters,
-        servos=tuple(_servo(model, settings, where) for settings in description.servos),
+        servos=servos,
         contact_points=tuple(_contact_point(model, name, where) for name in description.contact_points),
         postures=MappingProxyType(postures),
         drive_motor=description.motor,
@@ -115,7 +134,7 @@ def _load_bare(urdf: Path) -> Robot:
     srdf = urdf.with_suffix(".srdf")
     if srdf.is_file():
         files["srdf"] = srdf
-    postures = _read_postures(model, files.get("srdf"))
+    postures = read_postures(model, srdf) if srdf.is_file() else {}
     _choose_collision_pairs(model, collision_model, files.get("srdf"))
     return Robot(
         name=model.name,
@@ -149,8 +168,21 @@ def _read_urdf(urdf: Path) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryMo
         collision_model = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.COLLISION, None, package_dirs)
         visual_model = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.VISUAL, None, package_dirs)
     except (ValueError, RuntimeError) as error:
-        raise RobotDescriptionError(f"{urdf}: Pinocchio refuses it: {error}") from error
+        from m4_dynamics.robot.diagnosis import diagnose_urdf
+
+        raise InvalidUrdfError(urdf, diagnose_urdf(urdf), f"not a usable URDF ({error})") from error
+    _check_masses(model, urdf)
     return model, collision_model, visual_model
+
+
+def _check_masses(model: pin.Model, urdf: Path) -> None:
+    """Refuse what Pinocchio takes silently although no motion follows from it."""
+    root = etree.parse(str(urdf)).getroot()
+    findings = [*inertial_syntax_findings(root), *mass_findings(root)]
+    if not has_errors(findings):
+        findings += model_inertia_findings(model)
+    if has_errors(findings):
+        raise InvalidUrdfError(urdf, findings, "its masses or inertias are not usable")
 
 
 def _choose_collision_pairs(model: pin.Model, geometry: pin.GeometryModel, srdf: Path | None) -> None:
@@ -283,50 +315,6 @@ def _check_balance(
     for frame in balance.thrusters:
         if frame not in frames:
             raise UnknownNameError("thruster", frame, frames, where=place)
-
-
-def _read_postures(model: pin.Model, srdf: Path | None) -> dict[str, Posture]:
-    """Postures of an SRDF file; Pinocchio's own reader skips unknown joints silently, this one names them."""
-    if srdf is None:
-        return {}
-    try:
-        root = ET.parse(srdf).getroot()
-    except FileNotFoundError as error:
-        raise RobotDescriptionError(f"{srdf}: no such file; expected the robot's SRDF") from error
-    except (ET.ParseError, OSError) as error:
-        raise RobotDescriptionError(f"{srdf}: not valid XML: {error}") from error
-    postures = {}
-    for state in root.iter("group_state"):
-        name = state.get("name")
-        if not name:
-            raise RobotDescriptionError(f"{srdf}: a group_state has no name")
-        if name in postures:
-            raise RobotDescriptionError(f"{srdf}: two group_states are called '{name}'")
-        postures[name] = Posture(name=name, configuration=_configuration(model, state, f"{srdf}: posture '{name}'"))
-    return postures
-
-
-def _configuration(model: pin.Model, state: ET.Element, where: str) -> NDArray[np.float64]:
-    configuration = pin.neutral(model)
-    for element in state.iter("joint"):
-        name = element.get("name") or ""
-        joint = model.joints[_joint_id(model, name, where)]
-        text = element.get("value") or ""
-        if joint.nv != 1:
-            if name == model.names[1]:
-                continue  # the root's pose is not part of a posture
-            raise RobotDescriptionError(f"{where}: joint '{name}' has {joint.nv} degrees of freedom, not one")
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise RobotDescriptionError(f"{where}: joint '{name}' must have a finite number as value, got '{text}'")
-        if joint.nq == 2:
-            configuration[joint.idx_q : joint.idx_q + 2] = (math.cos(value), math.sin(value))
-        else:
-            configuration[joint.idx_q] = value
-    return _frozen(configuration)
 
 
 def _frozen(values: NDArray[np.float64]) -> NDArray[np.float64]:

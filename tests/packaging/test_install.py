@@ -75,7 +75,10 @@ def test_the_installed_package_works_elsewhere(wheel: Path, tmp_path: Path) -> N
     elsewhere.mkdir()
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(site)  # a pure wheel is installed by unpacking it
-    script = "import m4_dynamics, m4_dynamics.cli.main as m; print(m4_dynamics.__file__); m.main(['--help'])"
+    script = (
+        "import m4_dynamics.cli.main as m; from m4_dynamics.robot.loading import load_robot; robot = load_robot();"
+        "print(m.__file__, *robot.files.values(), f'{robot.mass:.3f}', sep='\\n'); m.main(['--help'])"
+    )
     result = subprocess.run(
         [sys.executable, "-c", script],
         cwd=elsewhere,
@@ -84,7 +87,10 @@ def test_the_installed_package_works_elsewhere(wheel: Path, tmp_path: Path) -> N
         text=True,
         check=True,
     )
-    assert Path(result.stdout.splitlines()[0]).is_relative_to(site)
+    code, *files, mass = result.stdout.splitlines()[:5]
+    assert all(Path(file).is_relative_to(site / "m4_dynamics" / "urdf") for file in files)
+    assert Path(code).is_relative_to(site)
+    assert mass == "6.000"
     assert "usage: m4" in result.stdout
 
 

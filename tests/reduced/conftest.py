@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from m4_dynamics.reduced.pendulum import MipParameters
+from m4_dynamics.reduced.reduction import Reduction, reduce_robot
+from m4_dynamics.robot.loading import load_robot
+from m4_dynamics.robot.robot import Robot
 
 
 @pytest.fixture(scope="session")
@@ -28,3 +33,21 @@ def hand_pendulum() -> MipParameters:
 def rng() -> np.random.Generator:
     """Seeded random numbers."""
     return np.random.default_rng(20240607)
+
+
+@pytest.fixture(scope="session")
+def m4() -> Robot:
+    """The bundled robot."""
+    return load_robot()
+
+
+@pytest.fixture(scope="session")
+def m4_reduction(m4: Robot) -> Reduction:
+    """The bundled robot's pendulum."""
+    return reduce_robot(m4)
+
+
+@pytest.fixture(scope="session")
+def scooter_description() -> Path:
+    """A thrusterless two-wheeler whose wheel axes point opposite ways."""
+    return Path(__file__).parents[1] / "data" / "scooter" / "scooter.toml"

@@ -1,0 +1,1 @@
+"""Peers of the hot paths, for `m4 bench`."""

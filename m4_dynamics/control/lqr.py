@@ -1,0 +1,119 @@
+"""Linear-quadratic balance: the infinite-horizon feedback at the trim, saturated."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import LinAlgError, solve_discrete_are
+
+from m4_dynamics.control.controller import Diagnostics
+from m4_dynamics.control.reference import ReferenceTrajectory
+from m4_dynamics.errors import ConvergenceError, InvalidSettingError
+from m4_dynamics.reduced.linear import discretise_zoh
+from m4_dynamics.reduced.pendulum import MipParameters, checked_state, linearise
+
+__all__ = ["LqrController", "lqr_gain"]
+
+_Array = NDArray[np.float64]
+
+
+def lqr_gain(a: ArrayLike, b: ArrayLike, state_weights: ArrayLike, input_weights: ArrayLike) -> tuple[_Array, _Array]:
+    """Discrete-time linear-quadratic regulator u = -K x for the cost sum of x' Q x + u' R u.
+
+    Args:
+        a: Discrete-time A, shape (n, n).
+        b: Discrete-time B, shape (n, m).
+        state_weights: Q, shape (n, n), or its diagonal, shape (n,).
+        input_weights: R, shape (m, m), or its diagonal, shape (m,).
+
+    Returns:
+        Gain K, shape (m, n), and cost-to-go P, shape (n, n): the cost from x on is x' P x.
+
+    Raises:
+        ConvergenceError: If the Riccati equation has no stabilising solution, as when A, B is not stabilisable.
+    """
+    a_d, b_d = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    q, r = _square(state_weights), _square(input_weights)
+    try:
+        cost_to_go = solve_discrete_are(a_d, b_d, q, r)
+    except (LinAlgError, ValueError) as error:
+        raise ConvergenceError(f"no linear-quadratic regulator: {error}") from error
+    cost_to_go = 0.5 * (cost_to_go + cost_to_go.T)
+    gain = np.linalg.solve(r + b_d.T @ cost_to_go @ b_d, b_d.T @ cost_to_go @ a_d)
+    return gain, cost_to_go
+
+
+class LqrController:
+    """Follows a reference with the saturated LQR of the trim on each slope.
+
+    It knows nothing of the ground constraints: what it asks for may slip.
+
+    Attributes:
+        gains: One gain per distinct slope of the reference, shape (slopes, 2, 4).
+    """
+
+    def __init__(
+        self,
+        parameters: MipParameters,
+        reference: ReferenceTrajectory,
+        *,
+        state_weights: tuple[float, float, float, float] = (10.0, 1e4, 5.0, 25.0),
+        input_weights: tuple[float, float] = (5.0, 0.5),
+        duty_limits: tuple[float, float] = (-1.0, 1.0),
+        thrust_limits: tuple[float, float] = (0.0, 43.2),
+    ) -> None:
+        """Compute the gains.
+
+        Args:
+            parameters: The pendulum.
+            reference: What to follow.
+            state_weights: Diagonal of Q on (wheel angle, pitch, and their rates).
+            input_weights: Diagonal of R on (duty, thrust).
+            duty_limits: Bounds of the motor duty.
+            thrust_limits: Bounds of the thrust [N].
+
+        Raises:
+            ConvergenceError: If the robot cannot be stabilised at a trim of the reference.
+            InvalidSettingError: If the limits leave nothing between them.
+        """
+        for name, limits in (("duty_limits", duty_limits), ("thrust_limits", thrust_limits)):
+            if not limits[0] <= limits[1]:
+                raise InvalidSettingError(name, limits, "(lower, upper) with lower <= upper")
+        self._reference = reference
+        self._lower = np.array([duty_limits[0], thrust_limits[0]])
+        self._upper = np.array([duty_limits[1], thrust_limits[1]])
+        samples, self._slope_index = reference.steadiest_samples()
+        gains, costs = [], []
+        for sample in samples:
+            a, b = linearise(parameters, reference.slope[sample], reference.state[sample], reference.inputs[sample])
+            gain, cost = lqr_gain(*discretise_zoh(a, b, reference.time_step), state_weights, input_weights)
+            gains.append(gain)
+            costs.append(cost)
+        self.gains: _Array = np.array(gains)
+        self._costs = np.array(costs)
+        self._diagnostics = Diagnostics()
+
+    @property
+    def diagnostics(self) -> Diagnostics:
+        """Of the last call of `control`; the cost is the infinite-horizon cost of the error, e' P e."""
+        return self._diagnostics
+
+    def reset(self) -> None:
+        """Forget the last step; the feedback itself has no memory."""
+        self._diagnostics = Diagnostics()
+
+    def control(self, step: int, state: _Array) -> _Array:
+        """Inputs for one sample, see `BalanceController.control`."""
+        x = checked_state(state)
+        sample = self._reference.sample_index(step)
+        index = self._slope_index[sample]
+        error = x - self._reference.state[sample]
+        inputs = self._reference.inputs[sample] - self.gains[index] @ error
+        self._diagnostics = Diagnostics(cost=float(error @ self._costs[index] @ error))
+        saturated: _Array = np.clip(inputs, self._lower, self._upper)
+        return saturated
+
+
+def _square(weights: ArrayLike) -> _Array:
+    matrix = np.asarray(weights, dtype=float)
+    return np.diag(matrix) if matrix.ndim == 1 else matrix

@@ -1,0 +1,115 @@
+"""Model predictive control on the reduced model, linearised along its own plan and solved with ProxQP."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from m4_dynamics.control.controller import Diagnostics
+from m4_dynamics.control.mpc.kernels import all_finite
+from m4_dynamics.control.mpc.plan import Plan
+from m4_dynamics.control.mpc.problem import Problem
+from m4_dynamics.control.mpc.settings import MpcSettings
+from m4_dynamics.control.mpc.sqp import SqpOptimiser
+from m4_dynamics.control.reference import ReferenceTrajectory
+from m4_dynamics.errors import InvalidSettingError, require_finite, require_shape
+from m4_dynamics.reduced.pendulum import STATE_LABELS, MipParameters
+
+__all__ = ["MpcController"]
+
+_Array = NDArray[np.float64]
+
+
+class MpcController:
+    """Model predictive controller (paper, section IV and eq. mpc_formulation).
+
+    Each step rolls the reduced model out from the measured state along the plan of the step before, shifted; linearises
+    dynamics and ground forces there; condenses; solves one QP; and applies the first input. With
+    `settings.sqp_iterations` above one this repeats, with a line search, until the optimisation step vanishes.
+
+    When the QP is not solved, the inputs come from the last good plan, shifted, while that is at most
+    `settings.plan_age_max` samples old, and from the saturated LQR at the trim after that. Both are counted.
+
+    Attributes:
+        problem: What is solved.
+        plan: The last plan.
+        fallbacks: Steps since the start whose inputs did not come from the optimiser.
+        fallbacks_to_lqr: Those of them that came from the LQR.
+    """
+
+    def __init__(
+        self, parameters: MipParameters, reference: ReferenceTrajectory, settings: MpcSettings | None = None
+    ) -> None:
+        """Set the controller up.
+
+        Args:
+            parameters: The pendulum.
+            reference: What to follow, sampled at the settings' time step.
+            settings: The settings, default `MpcSettings()`.
+
+        Raises:
+            InvalidSettingError: If reference and settings disagree on the time step.
+            ConvergenceError: If the robot cannot be stabilised at a trim of the reference.
+        """
+        settings = settings if settings is not None else MpcSettings()
+        self.problem = Problem(parameters, reference, settings)
+        self.plan = Plan(settings.horizon)
+        self.fallbacks = 0
+        self.fallbacks_to_lqr = 0
+        self._optimiser = SqpOptimiser(self.problem)
+        self._diagnostics = Diagnostics()
+        self._lower = np.array([settings.duty_limits[0], settings.thrust_limits[0]])
+        self._upper = np.array([settings.duty_limits[1], settings.thrust_limits[1]])
+
+    @property
+    def diagnostics(self) -> Diagnostics:
+        """Of the last call of `control`; the cost is the paper's J of the plan, without terminal cost and slack."""
+        return self._diagnostics
+
+    def reset(self) -> None:
+        """Drop plan, warm start and counters."""
+        self.plan.clear()
+        self._optimiser.qp.reset()
+        self.fallbacks = 0
+        self.fallbacks_to_lqr = 0
+        self._diagnostics = Diagnostics()
+
+    def control(self, step: int, state: _Array) -> _Array:
+        """Inputs for one sample, see `BalanceController.control`."""
+        if step < 0:
+            raise InvalidSettingError("step", step, "an integer >= 0")
+        state = np.ascontiguousarray(state, dtype=np.float64)
+        require_shape("state", state, (4,))
+        if not all_finite(state):
+            require_finite("state", state, STATE_LABELS)
+
+        problem, plan, optimiser = self.problem, self.plan, self._optimiser
+        sample = min(step, problem.last_step)
+        if not plan.move_to(step):
+            # The reference's own inputs are where to start from without a plan.
+            np.clip(
+                problem.inputs[sample : sample + problem.settings.horizon], self._lower, self._upper, out=plan.inputs
+            )
+        status, optimised = optimiser.improve(plan, state, sample)
+        if optimised:
+            plan.step = step
+            plan.age = 0
+            inputs: _Array = plan.inputs[0].copy()
+        else:
+            inputs = self._fall_back(state, sample)
+        cost, _, slack, residual = optimiser.outcome.tolist()
+        self._diagnostics = Diagnostics(cost, slack, status, optimiser.iterations, not optimised, residual)
+        return inputs
+
+    def _fall_back(self, state: _Array, sample: int) -> _Array:
+        """Inputs without an optimised plan: the last good one while it is fresh, else the saturated LQR."""
+        problem, plan = self.problem, self.plan
+        self.fallbacks += 1
+        if plan.step is not None and plan.age <= problem.settings.plan_age_max:
+            planned: _Array = plan.inputs[0].copy()
+            return planned
+        self.fallbacks_to_lqr += 1
+        plan.clear()
+        inputs = problem.inputs[sample] - problem.gains[sample] @ (state - problem.states[sample])
+        saturated: _Array = np.clip(inputs, self._lower, self._upper)
+        return saturated

@@ -1,0 +1,394 @@
+"""The main job: a robot that stands balanced on a slope climbs it, stops and holds, on the full model."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from m4_dynamics.control.controller import BalanceController
+from m4_dynamics.control.heading import HeadingHold, heading_gains
+from m4_dynamics.control.lqr import LqrController
+from m4_dynamics.control.mpc.controller import MpcController
+from m4_dynamics.control.mpc.settings import MpcSettings
+from m4_dynamics.control.pid import PidController
+from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
+from m4_dynamics.errors import InvalidSettingError, M4Error, NonFiniteError, NoTrimExists
+from m4_dynamics.full.model import FullModel
+from m4_dynamics.full.stepping import SimulationDivergedError
+from m4_dynamics.full.terrain import ramp_terrain
+from m4_dynamics.reduced.reduction import (
+    Reduction,
+    configuration_on_slope,
+    heading_dynamics,
+    holding_torques,
+    reduce_robot,
+)
+from m4_dynamics.reduced.trim import Trim, select_trim
+from m4_dynamics.robot.robot import Robot
+from m4_dynamics.simulation.balance import BalanceLoop, balance_estimator, drive_wheels
+from m4_dynamics.simulation.plant import Plant
+from m4_dynamics.simulation.recorder import Recorder
+from m4_dynamics.simulation.sensors import SensorModel
+from m4_dynamics.simulation.trajectory import build_trajectory
+from m4_dynamics.simulation.verdict import ClimbSummary, StepTimes, Verdict, summarise_climb
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["CONTROLLERS", "Climb", "ClimbResult", "ClimbSettings", "ControllerName", "prepare_climb", "run_climb"]
+
+ControllerName = Literal["default", "paper", "paper-zero", "lqr", "pid"]
+CONTROLLERS: tuple[str, ...] = get_args(ControllerName)
+
+#: The heading's closed loop: natural frequency [rad/s], above the fastest growth on any slope, and damping ratio.
+HEADING_FREQUENCY = 6.0
+HEADING_DAMPING_RATIO = 1.0
+#: The idle wheels are shorted, so that they do not spin [N m s/rad].
+IDLE_WHEEL_BRAKE = 10.0
+#: The robot fell when its pitch is this far from the reference [rad].
+FALL_ANGLE = math.radians(60.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClimbSettings:
+    """What to climb, and how.
+
+    Attributes:
+        slope: Inclination of the ground [rad].
+        friction_static: mu_s of the ground; None takes the robot's own.
+        speed: Cruising speed along the slope [m/s].
+        thrust: Total thrust of the trim [N]; None chooses one inside all limits.
+        controller: "default" tracks the trim with a terminal cost, "paper" is the paper's MPC measured from the trim,
+            "paper-zero" the paper's with raw inputs in the cost, "lqr" the saturated LQR of the trim, "pid" balances
+            with the wheels alone at the trim's thrust, for flat ground and gentle slopes.
+        duration: [s].
+        pitch_error: Initial pitch less the trim's [rad].
+        yaw_error: Initial heading, positive left of uphill [rad].
+        start_position: Of the axle, from the foot of the slope uphill [m].
+        time_step: Integration step of the full model [s].
+        control_period: [s].
+        posture_compensation: Whether the servos are told the trim's holding torques, so that the legs do not sag.
+        sensors: Imperfections of the sensors; None measures exactly.
+    """
+
+    slope: float
+    friction_static: float | None = None
+    speed: float = 0.3
+    thrust: float | None = None
+    controller: ControllerName = "default"
+    duration: float = 10.0
+    pitch_error: float = math.radians(5.0)
+    yaw_error: float = math.radians(0.5)
+    start_position: float = 0.6
+    time_step: float = 1e-3
+    control_period: float = 5e-3
+    posture_compensation: bool = True
+    sensors: SensorModel | None = None
+
+    def __post_init__(self) -> None:
+        limits: dict[str, tuple[float, float]] = {
+            "slope": (0.0, math.radians(89.0)),
+            "speed": (-2.0, 2.0),
+            "duration": (0.0, 600.0),
+            "pitch_error": (-math.radians(90.0), math.radians(90.0)),
+            "yaw_error": (-math.radians(90.0), math.radians(90.0)),
+        }
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                angle = name in ("slope", "pitch_error", "yaw_error")
+                shown = [math.degrees(x) if angle else x for x in (value, low, high)]
+                unit = " [deg]" if angle else ""
+                raise InvalidSettingError(f"{name}{unit}", round(shown[0], 6), f"{shown[1]:g} to {shown[2]:g}")
+        if self.friction_static is not None and not 0.0 < self.friction_static <= 10.0:
+            raise InvalidSettingError("friction_static", self.friction_static, "a coefficient above 0, at most 10")
+        if self.thrust is not None and not (math.isfinite(self.thrust) and self.thrust >= 0.0):
+            raise InvalidSettingError("thrust [N]", self.thrust, "a finite force >= 0")
+        if self.controller not in CONTROLLERS:
+            raise InvalidSettingError("controller", self.controller, "one of " + ", ".join(CONTROLLERS))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Climb:
+    """A climb made ready: everything derived from the robot and the settings, nothing simulated yet.
+
+    Attributes:
+        settings: What was asked for.
+        reduction: The robot as a pendulum.
+        trim: The equilibrium that it climbs at.
+        reference: What the controller follows.
+        controller: The balance controller.
+        heading_hold: The heading controller.
+        plant: The full model, reset to the start.
+        recorder: Empty.
+        loop: The closed loop, started.
+    """
+
+    settings: ClimbSettings
+    reduction: Reduction
+    trim: Trim
+    reference: ReferenceTrajectory
+    controller: BalanceController
+    heading_hold: HeadingHold
+    plant: Plant
+    recorder: Recorder
+    loop: BalanceLoop
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClimbResult:
+    """A run and its judgement.
+
+    Attributes:
+        summary: Verdict and figures.
+        dataset: The trajectory; None when no equilibrium exists and nothing was simulated.
+    """
+
+    summary: ClimbSummary
+    dataset: xarray.Dataset | None
+
+
+def make_controller(
+    name: ControllerName, reduction: Reduction, reference: ReferenceTrajectory, *, friction_static: float
+) -> BalanceController:
+    """Build a balance controller by its name.
+
+    Args:
+        name: See `ClimbSettings.controller`.
+        reduction: The robot as a pendulum.
+        reference: What to follow.
+        friction_static: mu_s that the constraints assume.
+
+    Returns:
+        The controller.
+    """
+    parameters, thrust_limits = reduction.parameters, (0.0, reduction.thrust_max)
+    if name == "lqr":
+        return LqrController(parameters, reference, thrust_limits=thrust_limits)
+    if name == "pid":
+        return PidController(parameters, reference)
+    if name == "default":
+        settings = MpcSettings(friction_static=friction_static, thrust_limits=thrust_limits)
+    else:
+        settings = MpcSettings.paper(
+            input_reference="zero" if name == "paper-zero" else "trim",
+            friction_static=friction_static,
+            thrust_limits=thrust_limits,
+        )
+    return MpcController(parameters, reference, settings)
+
+
+def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> HeadingHold:
+    """Heading hold with both poles placed at the trim.
+
+    Args:
+        robot: The robot.
+        reduction: The robot as a pendulum.
+        trim: The equilibrium, with its slope, pitch and speed.
+
+    Returns:
+        The controller.
+    """
+    dynamics = heading_dynamics(robot, reduction, slope=trim.slope, pitch=trim.pitch, speed=trim.speed)
+    gain_yaw, gain_rate = heading_gains(
+        yaw_inertia=dynamics.yaw_inertia,
+        track=dynamics.track,
+        wheel_radius=dynamics.wheel_radius,
+        stiffness=dynamics.gravity_stiffness,
+        torque_constant=reduction.parameters.torque_constant,
+        back_emf_constant=reduction.parameters.back_emf_constant,
+        natural_frequency=HEADING_FREQUENCY,
+        damping_ratio=HEADING_DAMPING_RATIO,
+    )
+    return HeadingHold(gain_yaw=gain_yaw, gain_rate=gain_rate)
+
+
+def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
+    """Reduce, trim, plan, build controllers and plant, and stand the robot on the slope.
+
+    Args:
+        robot: A robot that balances.
+        settings: What to climb.
+
+    Returns:
+        The climb, ready to run.
+
+    Raises:
+        NoTrimExists: No equilibrium satisfies the limits on this slope.
+        RobotDescriptionError: The robot cannot balance.
+        InvalidSettingError: The durations do not fit together.
+    """
+    reduction = reduce_robot(robot)
+    parameters = reduction.parameters
+    friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
+    planned = MpcSettings(friction_static=friction).friction_fraction
+    limits = reduction.trim_limits(friction_static=friction, friction_fraction=planned)
+    trim = select_trim(
+        parameters,
+        settings.slope,
+        limits=limits,
+        criterion="automatic" if settings.thrust is None else "thrust",
+        thrust=settings.thrust,
+        speed=settings.speed,
+    )
+    reference = climb_reference(
+        parameters, settings.slope, trim, speed=settings.speed, duration=settings.duration, dt=settings.control_period
+    )
+    controller = make_controller(settings.controller, reduction, reference, friction_static=friction)
+    heading_hold = make_heading_hold(robot, reduction, trim)
+    distance = abs(parameters.wheel_radius * float(np.ptp(reference.state[:, 0])))
+    terrain = ramp_terrain(settings.slope, flat_before=1.5, length=settings.start_position + distance + 1.5)
+    ground = dataclasses.replace(robot.ground, friction_static=friction)
+    plant = Plant(
+        FullModel.build(robot, terrain, ground=ground),
+        control_period=settings.control_period,
+        time_step=settings.time_step,
+        sensors=settings.sensors,
+    )
+    sinking = trim.normal_force / (2.0 * ground.stiffness)
+    configuration = configuration_on_slope(
+        robot,
+        reduction,
+        slope=settings.slope,
+        position_along_slope=settings.start_position,
+        pitch=float(reference.state[0, 1]) + settings.pitch_error,
+        yaw=settings.yaw_error,
+        penetration=sinking,
+    )
+    measurement = plant.reset(configuration)
+    if settings.posture_compensation:
+        plant.command.servo_targets += holding_torques(robot, reduction, trim).sag
+    wheels = drive_wheels(robot, reduction.frame)
+    plant.command.wheel_brake[:] = IDLE_WHEEL_BRAKE
+    plant.command.wheel_brake[[wheels.left, wheels.right]] = 0.0
+    recorder = Recorder(plant, len(reference.time))
+    loop = BalanceLoop(
+        plant=plant,
+        reduction=reduction,
+        controller=controller,
+        reference=reference,
+        heading_hold=heading_hold,
+        estimator=balance_estimator(robot, reduction, slope=settings.slope),
+        recorder=recorder,
+    )
+    loop.start(measurement, heading=settings.yaw_error)
+    return Climb(settings, reduction, trim, reference, controller, heading_hold, plant, recorder, loop)
+
+
+def run_climb(
+    robot: Robot,
+    settings: ClimbSettings,
+    *,
+    attributes: Mapping[str, str] | None = None,
+    on_progress: Callable[[float], None] | None = None,
+) -> ClimbResult:
+    """Climb a slope on the full model.
+
+    An interrupt (Ctrl-C) ends the run early and keeps what is done, with the verdict "aborted".
+
+    Args:
+        robot: A robot that balances.
+        settings: What to climb.
+        attributes: Further attributes of the dataset (the command, say).
+        on_progress: Called now and then with the simulated time [s].
+
+    Returns:
+        Summary and trajectory; where no equilibrium exists, the summary alone, with the verdict "infeasible".
+
+    Raises:
+        M4Error: The robot or the settings cannot be used.
+    """
+    friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
+    context: dict[str, Any] = {
+        "controller": settings.controller,
+        "speed_m_s": settings.speed,
+        "duration_s": settings.duration,
+        "pitch_error_deg": math.degrees(settings.pitch_error),
+        "yaw_error_deg": math.degrees(settings.yaw_error),
+        "provenance": {**{f"sha256_{k}": v for k, v in robot.file_hashes.items()}, **(attributes or {})},
+    }
+    try:
+        climb = prepare_climb(robot, settings)
+    except NoTrimExists as error:
+        summary = ClimbSummary(
+            verdict=Verdict.INFEASIBLE.value,
+            reason=str(error),
+            slope_deg=math.degrees(settings.slope),
+            friction_static=friction,
+            **context,
+        )
+        return ClimbResult(summary, None)
+    warm_up = _warm_up(robot, settings)
+    started = time.perf_counter()
+    ended = _simulate(climb, on_progress)
+    elapsed = time.perf_counter() - started
+    if climb.recorder.count == 0:
+        raise M4Error("the run was interrupted before its first sample; nothing to keep")
+    trim, counters = climb.trim, climb.plant.stepper.counters
+    dataset = build_trajectory(
+        climb.recorder,
+        climb.reduction,
+        attributes={
+            "slope_deg": math.degrees(settings.slope),
+            "controller": settings.controller,
+            "thrust_limit_N": climb.reduction.thrust_max,
+            **(attributes or {}),
+        },
+    )
+    summary = summarise_climb(
+        dataset,
+        ended=ended,
+        trim_pitch_deg=math.degrees(trim.pitch),
+        trim_thrust_N=trim.thrust,
+        trim_friction_needed=trim.friction_needed,
+        newton_failures=counters.newton_failures,
+        servo_saturations=counters.servo_saturations,
+        mpc_step_us=StepTimes.from_seconds(climb.recorder.control_seconds[: climb.recorder.count]),
+        real_time_factor=climb.recorder.count * settings.control_period / elapsed,
+        warm_up_s=warm_up,
+        **context,
+    )
+    dataset.attrs["verdict"] = summary.verdict
+    return ClimbResult(summary, dataset)
+
+
+def _warm_up(robot: Robot, settings: ClimbSettings) -> float:
+    """Compile the kernels, or load them from the cache, on a climb of a few samples; returns the time it took [s]."""
+    started = time.perf_counter()
+    scratch = prepare_climb(robot, settings)
+    for _ in range(3):
+        scratch.loop.advance()
+    return time.perf_counter() - started
+
+
+def _simulate(climb: Climb, on_progress: Callable[[float], None] | None) -> str | None:
+    """Run the loop to its end; returns "verdict: reason" if it ended before its time."""
+    loop, plant, reference = climb.loop, climb.plant, climb.reference
+    stepper = plant.stepper
+    wheels = drive_wheels(plant.model.robot, climb.reduction.frame)
+    idle = [i for i in range(len(plant.model.robot.wheels)) if i not in (wheels.left, wheels.right)]
+    pitch_reference = reference.state[:, 1].tolist()
+    count = len(reference.time)
+    try:
+        for k in range(count):
+            loop.advance()
+            if abs(loop.estimator.pitch - pitch_reference[k]) > FALL_ANGLE:
+                return (
+                    f"fell: it leaned {math.degrees(FALL_ANGLE):.0f} deg away from its reference at {plant.time:.2f} s"
+                )
+            if k % 20 == 0:
+                if stepper.point_force_in_world.any() or stepper.wheel_force_in_world[idle].any():
+                    return f"fell: the body touched the ground at {plant.time:.2f} s"
+                if on_progress is not None:
+                    on_progress(plant.time)
+    except KeyboardInterrupt:
+        return f"aborted: interrupted at {plant.time:.2f} s"
+    except (SimulationDivergedError, NonFiniteError) as error:
+        return f"aborted: {error}"
+    return None

@@ -1,0 +1,60 @@
+"""The figures of a climb as a table, each with the limit it is held against."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from m4_dynamics.view.tables import make_table
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from m4_dynamics.simulation.verdict import ClimbSummary
+
+__all__ = ["climb_table"]
+
+
+def climb_table(summary: ClimbSummary) -> Table:
+    """A table of a climb's figures.
+
+    Args:
+        summary: The figures.
+
+    Returns:
+        The table; figures that do not exist are dashes.
+    """
+    s = summary
+    times = s.mpc_step_us
+    rows: list[tuple[str, object, str, str]] = [
+        ("verdict", s.verdict, "", ""),
+        ("trim pitch", s.trim_pitch_deg, "deg", ""),
+        ("trim thrust", s.trim_thrust_N, "N", ""),
+        ("friction that the trim needs", s.trim_friction_needed, "", f"mu_s {s.friction_static:g}"),
+        ("worst friction use along the slope", s.max_friction_use_along_slope, "of mu_s", "< 1"),
+        ("worst friction use, sideways included", s.max_friction_use, "of mu_s", "<= 1"),
+        ("least normal force of a wheel", s.min_normal_force_N, "N", "> 0"),
+        ("fastest slip", _scaled(s.max_slip_speed_m_s, 1e3), "mm/s", "<= 5"),
+        ("slid distance, worst wheel", _scaled(s.slip_distance_m, 1e3), "mm", "<= 5"),
+        ("wheel position RMS", _scaled(s.wheel_rms_m, 1e2), "cm", "<= 2"),
+        ("pitch RMS", s.pitch_rms_deg, "deg", "<= 1"),
+        ("largest heading error", s.yaw_max_deg, "deg", "<= 1"),
+        ("climbed", s.climbed_m, "m", f"goal {s.goal_m:.2f}" if s.goal_m is not None else ""),
+        ("speed at the end", _scaled(s.end_speed_m_s, 1e3), "mm/s", "< 1"),
+        (
+            "ground force, model against simulation, RMS",
+            _scaled(s.ground_force_rms_over_weight, 1e2),
+            "% of weight",
+            "<= 3",
+        ),
+        ("steady tracking cost", s.steady_cost, "", ""),
+        ("fallbacks", s.fallbacks, "steps", "0"),
+        ("contact solver failures", s.newton_failures, "steps", "0"),
+        ("control step, median / 99 %", f"{times.median:.0f} / {times.p99:.0f}" if times else None, "us", ""),
+        ("real-time factor", s.real_time_factor, "", ">= 25"),
+    ]
+    title = f"Climb of {s.slope_deg:g} deg, mu_s {s.friction_static:g}, controller {s.controller}"
+    return make_table(title, ("figure", "value", "unit", "limit"), rows)
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else factor * value

@@ -1,0 +1,141 @@
+"use strict";
+const replay = JSON.parse(document.getElementById("replay").textContent);
+const viewer = new MeshCat.Viewer(document.getElementById("pane"));
+for (const command of replay.commands) {
+  viewer.handle_command_bytearray(Uint8Array.from(atob(command), (letter) => letter.charCodeAt(0)));
+}
+
+// meshcat's own controls: the animation's folder in sight, the tree of the scene folded away.
+viewer.gui.__folders.Scene.close();
+viewer.gui.width = 250;
+if (window.innerWidth > 1100) viewer.gui.open();
+
+const animator = viewer.animator;
+const element = (id) => document.getElementById(id);
+
+// ---- words ----------------------------------------------------------------------------------------------------------
+for (const fact of replay.conditions) {
+  const item = document.createElement("li");
+  item.textContent = fact;
+  element("conditions").append(item);
+}
+element("scale").textContent = replay.scale;
+for (const entry of replay.legend) {
+  const item = document.createElement("li");
+  const shape = entry.kind === "arrow"
+    ? '<path d="M0 6H20M18 1L29 6L18 11Z" stroke="C" stroke-width="3" fill="C"/>'
+    : '<circle cx="15" cy="6" r="5.5" fill="C"/>';
+  item.innerHTML = `<svg viewBox="0 0 30 12" aria-hidden="true">${shape.replaceAll("C", entry.colour)}</svg>`;
+  item.append(entry.text);
+  document.querySelector("#legend ul").append(item);
+}
+const cells = replay.readouts.map((readout) => {
+  const [name, value] = [document.createElement("dt"), document.createElement("dd")];
+  name.textContent = readout.label;
+  element("readouts").append(name, value);
+  return value;
+});
+
+// ---- camera ---------------------------------------------------------------------------------------------------------
+// three.js has y up: its (x, y, z) is the world's (x, z, -y).
+const THREE = MeshCat.THREE;
+const to_three = (place) => new THREE.Vector3(place[0], place[2], -place[1]);
+const look = to_three(replay.camera.direction).normalize();
+viewer.camera.fov = replay.camera.field_of_view;
+viewer.camera.near = 0.05;
+viewer.camera.far = 500;
+
+function frame_box(low, high) {
+  // The nearest place from which every corner of the box is in sight, above the timeline and below the top edge.
+  const target = to_three(low).add(to_three(high)).multiplyScalar(0.5);
+  const right = new THREE.Vector3(0, 1, 0).cross(look).normalize();
+  const up = look.clone().cross(right);
+  const half_height = Math.tan((viewer.camera.fov * Math.PI) / 360) * 0.84;
+  const half_width = half_height * (window.innerWidth / window.innerHeight);
+  let distance = 0;
+  for (let corner = 0; corner < 8; corner += 1) {
+    const place = to_three([0, 1, 2].map((axis) => ((corner >> axis) & 1 ? high : low)[axis])).sub(target);
+    const towards = place.dot(look);
+    distance = Math.max(
+      distance, towards + Math.abs(place.dot(up)) / half_height, towards + Math.abs(place.dot(right)) / half_width);
+  }
+  viewer.controls.target.copy(target);
+  viewer.camera.position.copy(target).addScaledVector(look, distance);
+  viewer.set_dirty();
+}
+
+const root = viewer.scene_tree.find(replay.camera.root.split("/").filter((step) => step)).object;
+const root_place = () => to_three(root.position.toArray());
+let following = null; // where the robot was when the camera last moved with it
+
+function overview() {
+  following = null;
+  element("follow").setAttribute("aria-pressed", "false");
+  frame_box(replay.camera.low, replay.camera.high);
+}
+
+function follow() {
+  const centre = root.position.toArray();
+  frame_box(centre.map((entry) => entry - 0.65), centre.map((entry) => entry + 0.65));
+  following = root_place();
+  element("follow").setAttribute("aria-pressed", "true");
+}
+
+// ---- playback -------------------------------------------------------------------------------------------------------
+const seek = (time) => {
+  animator.pause();
+  animator.seek(time);
+  animator.display_progress(Math.max(0, Math.min(animator.duration, time)));
+};
+const toggle = () => (animator.playing ? animator.pause() : animator.play());
+element("seek").max = animator.duration;
+element("seek").addEventListener("input", (event) => seek(Number(event.target.value)));
+element("play").addEventListener("click", toggle);
+element("speed").addEventListener("change", (event) => { animator.mixer.timeScale = Number(event.target.value); });
+element("overview").addEventListener("click", overview);
+element("follow").addEventListener("click", () => (following ? overview() : follow()));
+window.addEventListener("resize", () => { if (!following) overview(); });
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|SELECT|BUTTON/.test(event.target.tagName)) return;
+  const step = 1 / replay.frames_per_second;
+  const action = {
+    " ": toggle, f: () => (following ? overview() : follow()), o: overview,
+    ArrowRight: () => seek(animator.time + step), ArrowLeft: () => seek(animator.time - step),
+  }[event.key];
+  if (action) { event.preventDefault(); action(); }
+});
+
+let shown = { time: -1, playing: null };
+function refresh() {
+  requestAnimationFrame(refresh);
+  if (following) {
+    const place = root_place();
+    const step = place.clone().sub(following);
+    if (step.lengthSq() > 0) {
+      viewer.controls.target.add(step);
+      viewer.camera.position.add(step);
+      viewer.set_dirty();
+      following = place;
+    }
+  }
+  if (shown.playing !== animator.playing) {
+    element("play").textContent = animator.playing ? "❚❚" : "▶";
+    element("play").setAttribute("aria-label", animator.playing ? "Pause" : "Play");
+  }
+  if (shown.time !== animator.time) {
+    const last = replay.times.length - 1;
+    const index = Math.min(last, Math.max(0, Math.round(animator.time * replay.frames_per_second)));
+    element("clock").textContent =
+      `${(replay.start_time + animator.time).toFixed(2)} / ${(replay.start_time + animator.duration).toFixed(2)} s`;
+    if (document.activeElement !== element("seek") || animator.playing) element("seek").value = animator.time;
+    replay.readouts.forEach((readout, row) => {
+      const value = readout.values[index];
+      cells[row].textContent = value === null ? "–" : `${value.toFixed(readout.digits)} ${readout.unit}`;
+    });
+  }
+  shown = { time: animator.time, playing: animator.playing };
+}
+
+if (replay.camera.follow) follow(); else overview();
+if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) animator.pause();
+refresh();

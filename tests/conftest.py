@@ -1,0 +1,46 @@
+"""Fixtures that every test may use."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def require_peer() -> Callable[[str], Any]:
+    """Import a package that only comparisons need.
+
+    Where it is missing the test is skipped, so that a light installation can be tested; under CI=true that is a
+    failure, or a comparison could go missing without anybody noticing.
+    """
+
+    def import_or_skip(name: str) -> Any:
+        try:
+            return importlib.import_module(name)
+        except ImportError as error:
+            reason = f"{name} is not installed ({error}); the extra 'peers' brings it"
+            if os.environ.get("CI") == "true":
+                pytest.fail(reason)
+            pytest.skip(reason)
+
+    return import_or_skip
+
+
+@pytest.fixture(scope="session")
+def example_robots() -> Path:
+    """The folder of example-robot-data's robots, skipped or failed like a peer where it is missing."""
+    from importlib import metadata
+
+    try:
+        distribution = metadata.distribution("example-robot-data")
+    except metadata.PackageNotFoundError:
+        reason = "example-robot-data is not installed; the extra 'peers' brings it"
+        if os.environ.get("CI") == "true":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return Path(str(distribution.locate_file("cmeel.prefix/share/example-robot-data/robots")))
