@@ -9,9 +9,6 @@ changed. Arrays are plain; `full/model.py` packs them and documents their meanin
 - A contact's own axes are (t1, t2, n): n = (n_x, 0, n_z) out of the ground, t1 = (n_z, 0, -n_x) uphill, t2 = y.
 """
 
-# Arguments of one kind share a line of the docstring.
-# ruff: noqa: D417
-
 from __future__ import annotations
 
 import math
