@@ -9,9 +9,6 @@ changed. Arrays are plain; `full/model.py` packs them and documents their meanin
 - A contact's own axes are (t1, t2, n): n = (n_x, 0, n_z) out of the ground, t1 = (n_z, 0, -n_x) uphill, t2 = y.
 """
 
-# Arguments of one kind share a line of the docstring.
-# ruff: noqa: D417
-
 from __future__ import annotations
 
 import math
@@ -711,9 +708,10 @@ def implicit_step(
             index = wheel_velocity_indices[i]
             factor[index, index] += dt * (wheel_motor[i, 1] + wheel_brake[i])
         if not _cholesky(factor):
+            # M is not positive definite: no inertia is like that, or the state is lost already.
             counters[2] += 1
-            for i in range(nv):
-                displacement[i] = math.nan
+            velocity[:] = math.nan
+            displacement[:] = math.nan
             return
         # y = L^-1 rhs; Y = L^-1 J^T (rows of `scaled`); W = Y^T Y; free velocities J M^-1 rhs = Y^T y.
         _solve_lower(factor, new_velocity)

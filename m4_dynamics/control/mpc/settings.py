@@ -37,7 +37,7 @@ class MpcSettings:
             at 45 deg slides a wheel; 0.8 does not.
         normal_force_min: Least normal force that the plan keeps [N].
         duty_limits: Hard bounds of the motor duty.
-        thrust_limits: Hard bounds of the thrust [N].
+        thrust_limits: Hard bounds of the thrust [N]; (0, 0) for a robot without thrusters.
         slack_weight: Cost of one newton of violation of the ground constraints [1/N]. The penalty is exact: while the
             sum of the constraints' multipliers stays below it, the plan violates nothing that it could satisfy. The
             default is exact for disturbances up to some 5 deg of pitch and yields to larger ones, into the friction
@@ -123,8 +123,8 @@ class MpcSettings:
         _require_weights("input_weights", self.input_weights, length=2, positive=True)
         for name in ("duty_limits", "thrust_limits"):
             limits = getattr(self, name)
-            if len(limits) != 2 or not all(map(math.isfinite, limits)) or not limits[0] < limits[1]:
-                raise InvalidSettingError(name, limits, "(lower, upper), finite, lower < upper")
+            if len(limits) != 2 or not all(map(math.isfinite, limits)) or not limits[0] <= limits[1]:
+                raise InvalidSettingError(name, limits, "(lower, upper), finite, lower <= upper")
         if not math.isfinite(self.normal_force_min):
             raise InvalidSettingError("normal_force_min", self.normal_force_min, "a finite force [N]")
         for name, valid in (("input_reference", get_args(InputReference)), ("terminal_cost", get_args(TerminalCost))):
