@@ -6,7 +6,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -92,7 +92,7 @@ class ClimbSettings:
     control_period: float = 5e-3
     posture_compensation: bool = True
     sensors: SensorModel | None = None
-    plant_errors: PlantErrors = PlantErrors()
+    plant_errors: PlantErrors = field(default_factory=PlantErrors)
 
     def __post_init__(self) -> None:
         limits: dict[str, tuple[float, float]] = {
