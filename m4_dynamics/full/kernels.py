@@ -93,15 +93,17 @@ def _add_contact(
     count: int,
     joint: int,
     owner: int,
-    position: Any,
+    x: float,
+    y: float,
+    z: float,
     nx: float,
     nz: float,
     gap: float,
     scale: float,
 ) -> int:
-    contacts[count, CONTACT_X] = position[0]
-    contacts[count, CONTACT_Y] = position[1]
-    contacts[count, CONTACT_Z] = position[2]
+    contacts[count, CONTACT_X] = x
+    contacts[count, CONTACT_Y] = y
+    contacts[count, CONTACT_Z] = z
     contacts[count, NORMAL_X] = nx
     contacts[count, NORMAL_Z] = nz
     contacts[count, GAP] = gap
@@ -112,9 +114,13 @@ def _add_contact(
 
 
 @njit(cache=True)
-def _to_world(pose: Any, vector: Any, out: Any) -> None:
-    for i in range(3):
-        out[i] = pose[i] * vector[0] + pose[3 + i] * vector[1] + pose[6 + i] * vector[2]
+def _turn_to_world(pose: Any, vector: Any) -> tuple[float, float, float]:
+    a, b, c = vector[0], vector[1], vector[2]
+    return (
+        pose[0] * a + pose[3] * b + pose[6] * c,
+        pose[1] * a + pose[4] * b + pose[7] * c,
+        pose[2] * a + pose[5] * b + pose[8] * c,
+    )
 
 
 @njit(cache=True)
@@ -149,14 +155,12 @@ def find_contacts(
     Returns:
         The number of contacts, at most one for each wheel or point and segment.
     """
-    axis = np.empty(3)
-    position = np.empty(3)
     count = 0
     n_segments = segments.shape[0]
     n_wheels = wheel_joints.shape[0]
     for wheel in range(n_wheels):
         pose = poses[wheel_joints[wheel]]
-        _to_world(pose, wheel_axes[wheel], axis)
+        axis_x, axis_y, axis_z = _turn_to_world(pose, wheel_axes[wheel])
         px, py, pz = pose[9], pose[10], pose[11]
         radius = wheel_radii[wheel]
         past_previous = False
@@ -165,8 +169,8 @@ def find_contacts(
             nx, nz, length, scale = segments[k, 4], segments[k, 5], segments[k, 6], segments[k, 7]
             centre_height = (px - ax) * nx + (pz - az) * nz
             # w: the normal projected into the wheel's plane; the rim is deepest against it.
-            along_axis = axis[0] * nx + axis[2] * nz
-            wx, wy, wz = nx - along_axis * axis[0], -along_axis * axis[1], nz - along_axis * axis[2]
+            along_axis = axis_x * nx + axis_z * nz
+            wx, wy, wz = nx - along_axis * axis_x, -along_axis * axis_y, nz - along_axis * axis_z
             size = math.sqrt(wx * wx + wy * wy + wz * wz)
             reach = radius / size if size > 1e-9 else 0.0
             # The point of the wheel's plane on the segment's plane below the centre decides whose contact it is: in the
@@ -174,15 +178,15 @@ def find_contacts(
             foot = min(centre_height / (size * size), 2.0 * reach) if size > 1e-9 else 0.0
             s = (px - foot * wx - ax) * tx + (pz - foot * wz - az) * tz
             before_start = k > 0 and s < 0.0
-            if past_previous and before_start and abs(axis[1]) > 1e-6:
+            if past_previous and before_start and abs(axis_y) > 1e-6:
                 # Between two segments: the corner line through (ax, az) meets the wheel's plane at `corner_y`.
-                corner_y = py + ((px - ax) * axis[0] + (pz - az) * axis[2]) / axis[1]
+                corner_y = py + ((px - ax) * axis_x + (pz - az) * axis_z) / axis_y
                 rx, ry, rz = px - ax, py - corner_y, pz - az
                 distance = math.sqrt(rx * rx + ry * ry + rz * rz)
                 if distance > 1e-9:
                     # Rim tangent = axis x radial; the normal is perpendicular to it and to the corner line (y).
-                    vx = axis[1] * rz - axis[2] * ry
-                    vz = axis[0] * ry - axis[1] * rx
+                    vx = axis_y * rz - axis_z * ry
+                    vz = axis_x * ry - axis_y * rx
                     norm = math.sqrt(vx * vx + vz * vz)
                     if norm > 1e-9 * distance:
                         cx, cz = -vz / norm, vx / norm
@@ -193,29 +197,26 @@ def find_contacts(
                     gap = (distance - radius) * (cx * rx + cz * rz) / distance
                     if -DEPTH_LIMIT < gap < margin:
                         part = radius / distance
-                        position[0], position[1], position[2] = px - part * rx, py - part * ry, pz - part * rz
-                        corner_scale = min(scale, segments[k - 1, 7])
                         count = _add_contact(
-                            contacts, joints, owners, count, wheel_joints[wheel], wheel, position, cx, cz, gap,
-                            corner_scale,
+                            contacts, joints, owners, count, wheel_joints[wheel], wheel, px - part * rx, py - part * ry,
+                            pz - part * rz, cx, cz, gap, min(scale, segments[k - 1, 7]),
                         )  # fmt: skip
             past_previous = k < n_segments - 1 and s > length
             if not before_start and not past_previous:
                 gap = centre_height - reach * size * size
                 if -DEPTH_LIMIT < gap < margin:
-                    position[0], position[1], position[2] = px - reach * wx, py - reach * wy, pz - reach * wz
                     count = _add_contact(
-                        contacts, joints, owners, count, wheel_joints[wheel], wheel, position, nx, nz, gap, scale
-                    )
+                        contacts, joints, owners, count, wheel_joints[wheel], wheel, px - reach * wx, py - reach * wy,
+                        pz - reach * wz, nx, nz, gap, scale,
+                    )  # fmt: skip
     for point in range(point_joints.shape[0]):
         pose = poses[point_joints[point]]
-        _to_world(pose, point_positions[point], position)
-        for i in range(3):
-            position[i] += pose[9 + i]
+        px, py, pz = _turn_to_world(pose, point_positions[point])
+        px, py, pz = px + pose[9], py + pose[10], pz + pose[11]
         previous_gap = math.inf
         past_previous = False
         for k in range(n_segments):
-            dx, dz = position[0] - segments[k, 0], position[2] - segments[k, 1]
+            dx, dz = px - segments[k, 0], pz - segments[k, 1]
             nx, nz, scale = segments[k, 4], segments[k, 5], segments[k, 7]
             s = dx * segments[k, 2] + dz * segments[k, 3]
             gap = dx * nx + dz * nz
@@ -226,7 +227,7 @@ def find_contacts(
                 sign = 1.0 if gap > 0.0 else -1.0
                 if distance > 1e-12 and -DEPTH_LIMIT < sign * distance < margin:
                     count = _add_contact(
-                        contacts, joints, owners, count, point_joints[point], n_wheels + point, position,
+                        contacts, joints, owners, count, point_joints[point], n_wheels + point, px, py, pz,
                         sign * dx / distance, sign * dz / distance, sign * distance, min(scale, segments[k - 1, 7]),
                     )  # fmt: skip
             # Below a convex corner, where both segments claim the point, the nearer face pushes it out.
@@ -236,13 +237,13 @@ def find_contacts(
             if before_start or past_previous or claimed_before or not -DEPTH_LIMIT < gap < margin:
                 continue
             if gap < 0.0 and k < n_segments - 1:
-                next_dx, next_dz = position[0] - segments[k + 1, 0], position[2] - segments[k + 1, 1]
+                next_dx, next_dz = px - segments[k + 1, 0], pz - segments[k + 1, 1]
                 next_gap = next_dx * segments[k + 1, 4] + next_dz * segments[k + 1, 5]
                 next_s = next_dx * segments[k + 1, 2] + next_dz * segments[k + 1, 3]
                 if next_s >= 0.0 and gap < next_gap < 0.0:
                     continue
             count = _add_contact(
-                contacts, joints, owners, count, point_joints[point], n_wheels + point, position, nx, nz, gap, scale
+                contacts, joints, owners, count, point_joints[point], n_wheels + point, px, py, pz, nx, nz, gap, scale
             )
     return count
 
@@ -340,18 +341,16 @@ def _add_base_wrench(poses: Any, jacobians: Any, support: Any, wrench: Any, out:
 def thrust_force(poses: Any, jacobians: Any, support: Any, thruster_joints: Any, thruster_positions: Any,
                  thruster_directions: Any, moment_ratios: Any, thrust: Any, out: Any) -> None:  # fmt: skip
     """Add the generalised force of the thrusters, J_t(q)^T (d f_t), to `out` (nv,)."""
-    arm = np.empty(3)
-    direction = np.empty(3)
     for i in range(thruster_joints.shape[0]):
         f = thrust[i]
         if f == 0.0:
             continue
         joint = thruster_joints[i]
         pose = poses[joint]
-        _to_world(pose, thruster_positions[i], arm)
-        _to_world(pose, thruster_directions[i], direction)
-        x, y, z = arm[0] + pose[9], arm[1] + pose[10], arm[2] + pose[11]
-        fx, fy, fz = f * direction[0], f * direction[1], f * direction[2]
+        x, y, z = _turn_to_world(pose, thruster_positions[i])
+        x, y, z = x + pose[9], y + pose[10], z + pose[11]
+        dx, dy, dz = _turn_to_world(pose, thruster_directions[i])
+        fx, fy, fz = f * dx, f * dy, f * dz
         # Moment about the world's origin, propeller reaction included.
         ratio = moment_ratios[i]
         mx = y * fz - z * fy + ratio * fx
