@@ -190,8 +190,8 @@ class ImplicitStepper(_Stepper):
             pin.computeJointJacobians(model, data, self.configuration)
             bias = pin.nonLinearEffects(model, data, self.configuration, self.velocity)
             kernels.implicit_step(
-                data.M, bias, data.J, m.poses, self.configuration, self.velocity, m.support, m.wheel_joints,
-                m.wheel_axes, m.wheel_radii, m.wheel_velocity_indices, m.wheel_motor, m.point_joints,
+                data.M, bias, data.J, m.poses, self.configuration, self.velocity, m.support, m.parents, m.tips,
+                m.wheel_joints, m.wheel_axes, m.wheel_radii, m.wheel_velocity_indices, m.wheel_motor, m.point_joints,
                 m.point_positions, m.thruster_joints, m.thruster_positions, m.thruster_directions, m.moment_ratios,
                 m.servo_indices, m.servo_gains, m.terrain.segments, m.ground_packed, actuation.servo_targets,
                 actuation.wheel_duty, actuation.wheel_brake, actuation.thrust, actuation.external_wrench,
