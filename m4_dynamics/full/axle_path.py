@@ -1,8 +1,8 @@
 """The way that a wheel's centre takes over a terrain: the profile, shifted out by the wheel's radius.
 
-Over a concave corner the shifted lines meet, and the direction turns at once; over a convex corner the centre goes round
-the corner on an arc, and the direction turns with it. In both cases a wheel that does not slip turns by travel over
-radius, so that the absolute wheel angle is the arc length over r.
+Over a concave corner the shifted lines meet, and the direction turns at once; over a convex corner the centre goes
+round the corner on an arc, and the direction turns with it. In both cases a wheel that does not slip turns by travel
+over radius, so that the absolute wheel angle is the arc length over r.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Reference for driving along a terrain: travel with a smooth speed, pitch from trim to trim over the corners.
 
-The reduced model has as many inputs as coordinates, so any smooth pitch and travel have inputs that realise them exactly;
-the pitch is therefore blended between the trims of the slopes before and after a corner while the wheels cross it, and
-from the robot's present pitch to the trim at the start.
+The reduced model has as many inputs as coordinates, so any smooth pitch and travel have inputs that realise them
+exactly; the pitch is therefore blended between the trims of the slopes before and after a corner while the wheels cross
+it, and from the robot's present pitch to the trim at the start.
 """
 
 from __future__ import annotations

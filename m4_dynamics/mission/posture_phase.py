@@ -35,7 +35,7 @@ def run_posture_phase(situation: Situation, phase: HoldPhase | MorphPhase) -> st
     situation.brake(drive_wheels=True)
     plant.command.thrust[:] = 0.0
     steps = math.ceil(phase.timeout / plant.control_period)
-    times = plant.control_period * np.arange(steps)
+    times = plant.control_period * np.arange(steps, dtype=np.float64)
     progress = smooth_step(times, phase.duration)[1][0]
     for k in range(steps):
         state = situation.sense()
@@ -47,6 +47,6 @@ def run_posture_phase(situation: Situation, phase: HoldPhase | MorphPhase) -> st
             if isinstance(phase, HoldPhase) or (error < ARRIVED_ANGLE and speed < ARRIVED_SPEED):
                 return None
     return (
-        f"after {phase.timeout:g} s a servo is still {math.degrees(error):.1f} deg from its target and the base moves at "
-        f"{speed:.3f} m/s"
+        f"after {phase.timeout:g} s a servo is still {math.degrees(error):.1f} deg from its target and the base moves "
+        f"at {speed:.3f} m/s"
     )

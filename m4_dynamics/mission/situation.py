@@ -1,4 +1,4 @@
-"""What every phase of a mission works with: plant, estimator, recorder, the way ahead, and what the actuators are told."""
+"""What every phase of a mission works with: plant, estimator, recorder, the way ahead, the actuators."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WHEEL_BRAKE = 10.0
 COMPENSATION_TIME = 0.3
 
 
-class MissionAborted(Exception):  # noqa: N818 - it ends a mission, it is not an error
+class MissionAborted(Exception):
     """An abort rule has been met; caught by the runner, which makes the robot safe."""
 
 
@@ -193,8 +193,8 @@ class Situation:
         low, high = -math.radians(120.0), -math.radians(20.0)
         if not gap(low) < 0.0 < gap(high):
             raise RobotDescriptionError(
-                f"robot '{self.robot.name}' cannot be raised about its axle: its contact points do not reach the ground "
-                f"before its wheels do when it lies back"
+                f"robot '{self.robot.name}' cannot be raised about its axle: its contact points do not reach the "
+                f"ground before its wheels do when it lies back"
             )
         return float(brentq(gap, low, high))
 

@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MissionSummary", "PhaseFigures", "PhaseOutcome", "summarise_mission"]
 
-#: A wheel slides when its contact point moves faster than this [m/s].
-SLIDING = 5e-3
-
 
 @dataclass(frozen=True, slots=True)
 class PhaseOutcome:
@@ -46,9 +43,11 @@ class PhaseFigures:
         thrust_peak_N: Largest total thrust.
         thrust_margin_N: From there to the limit of the balancing thrusters.
         servo_torque_peak_Nm: Largest servo torque.
-        slip_time_s: Time that the worst drive wheel slid faster than 5 mm/s while it carried the balance.
-        max_slip_speed_m_s: Fastest sliding of a drive wheel while it carried the balance.
-        friction_use_along_slope: Largest share of mu_s used along the slope, means over a sample.
+        slip_time_s: Time that the worst drive wheel slid faster than 5 mm/s, away from corners.
+        corner_slip_time_s: The same within a tenth of a second of a corner: a wheel that touches two segments at once
+            cannot roll on both, so it slides on one of them for a moment.
+        max_slip_speed_m_s: Fastest sliding of a drive wheel, away from corners.
+        friction_use_along_slope: Largest share of mu_s used along the slope, means over a sample, away from corners.
         wheel_rms_m, pitch_rms_deg: Against the reference.
         heading_max_deg: Largest heading error.
         ground_force_rms_over_weight: Reduced model's ground force against the simulated one, away from corners.
@@ -65,6 +64,7 @@ class PhaseFigures:
     thrust_margin_N: float | None = None
     servo_torque_peak_Nm: float | None = None
     slip_time_s: float | None = None
+    corner_slip_time_s: float | None = None
     max_slip_speed_m_s: float | None = None
     friction_use_along_slope: float | None = None
     wheel_rms_m: float | None = None
@@ -183,11 +183,12 @@ def _balance_figures(part: xarray.Dataset, phase: BalancePhase) -> dict[str, Any
     for k in change:
         near_corner[max(k - 20, 0) : k + 20] = True
     settled = ~near_corner & (np.arange(len(slope)) >= 20)
-    pressed = force[:, 1] > 1.0
+    pressed = (force[:, 1] > 1.0) & ~near_corner
     use = np.abs(force[pressed, 0]) / (float(part.attrs["friction_static"]) * force[pressed, 1])
     figures: dict[str, Any] = {
-        "slip_time_s": float(wheels.slip_time.sum("time").max()),
-        "max_slip_speed_m_s": float(wheels.slip_speed.max()),
+        "slip_time_s": float(wheels.slip_time.to_numpy()[~near_corner].sum(axis=0).max()),
+        "corner_slip_time_s": float(wheels.slip_time.to_numpy()[near_corner].sum(axis=0).max()),
+        "max_slip_speed_m_s": float(wheels.slip_speed.to_numpy()[~near_corner].max(initial=0.0)),
         "friction_use_along_slope": float(use.max()) if use.size else None,
         "wheel_rms_m": radius * float(np.sqrt(np.mean(error[:, 0] ** 2))),
         "pitch_rms_deg": math.degrees(float(np.sqrt(np.mean(error[:, 1] ** 2)))),

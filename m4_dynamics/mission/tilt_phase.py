@@ -56,7 +56,7 @@ def run_tilt_phase(situation: Situation, phase: RaisePhase | SitPhase) -> str | 
     heading_hold = situation.heading_hold(trim)
     rest = float(state[0])
     steps = math.ceil(phase.timeout / plant.control_period)
-    times = plant.control_period * np.arange(steps)
+    times = plant.control_period * np.arange(steps, dtype=np.float64)
     step, rate, acceleration = smooth_step(times, phase.duration)[1][:3]
     worst = 0.0
     for k in range(steps):
@@ -68,7 +68,8 @@ def run_tilt_phase(situation: Situation, phase: RaisePhase | SitPhase) -> str | 
         elif not raising and on_wheels and state[1] < touch:
             on_wheels = False
         if not raising and not on_wheels and times[k] >= phase.duration and abs(state[3]) < RAISED_RATE:
-            return _run_down(situation)
+            _run_down(situation)
+            return None
         reference = np.array([rest, start + (goal - start) * step[k], 0.0, (goal - start) * rate[k]], dtype=np.float64)
         error = reference - state
         wanted_pitch = (

@@ -16,8 +16,8 @@ _TYPE_NAMES = {bool: "the boolean", int: "the integer", float: "the number", str
 class TomlTable:
     """One table of a TOML file.
 
-    Every getter raises an error (of a robot's file: `RobotDescriptionError`) that names the file, the table, the key, what was received and what
-    would be valid. Call `finish` when all keys have been read.
+    Every getter raises an error (of a robot's file: `RobotDescriptionError`) that names the file, the table, the key,
+    what was received and what would be valid. Call `finish` when all keys have been read.
 
     Attributes:
         file: The file, for messages.

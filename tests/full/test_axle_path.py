@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from m4_dynamics.errors import InvalidSettingError
-from m4_dynamics.full.terrain import Terrain, flat_terrain, incline_terrain, plateau_terrain, ramp_terrain
 from m4_dynamics.full.axle_path import AxlePath
+from m4_dynamics.full.terrain import Terrain, flat_terrain, incline_terrain, plateau_terrain, ramp_terrain
 
 R = 0.125
 
