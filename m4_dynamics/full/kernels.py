@@ -384,8 +384,8 @@ def ground_force(jacobians: Any, support: Any, contacts: Any, joints: Any, count
 def _factorise(a: Any, parents: Any, reciprocals: Any) -> bool:
     """Factor a = L^T L in place, for a matrix with the sparsity of a kinematic tree (Featherstone, 2008, section 6.5).
 
-    Row i of L has entries at i and at the velocities that carry it, so nothing fills in; only those entries of the lower
-    triangle are read and written. `reciprocals` takes 1 / L_ii.
+    Row i of L has entries at i and at the velocities that carry it, so nothing fills in; only those entries of the
+    lower triangle are read and written. `reciprocals` takes 1 / L_ii.
     """
     for k in range(a.shape[0] - 1, -1, -1):
         if not a[k, k] > 0.0:
@@ -692,7 +692,8 @@ def implicit_step(
     Args:
         mass, bias, jacobians, poses: M (upper triangle), h, data.J and joint placements at (q, v).
         configuration, velocity: q (nq,) and v (nv,); v is overwritten with v+.
-        support, parents, tips and the arrays of wheels, points, thrusters, servos, segments, ground: see `full/model.py`.
+        support, parents, tips, and the arrays of wheels, points, thrusters, servos, segments, ground: see
+            `full/model.py`.
         wheel_motor: Stall torque and back-EMF constant of each wheel, shape (wheels, 2) [N m, N m s].
         servo_indices: (index_q, index_v) of each servo. servo_gains: stiffness, damping, effort limit.
         servo_targets: Joint angles [rad]. wheel_duty: in [-1, 1]. wheel_brake: viscous brake [N m s/rad].
