@@ -30,6 +30,9 @@ from numba import njit
 ) = range(11)  # fmt: skip
 DESIGN_ENTRIES = 11
 
+#: An innovation of more standard deviations than this is no noise; one in two million is beyond it by chance.
+OUTLIER = 5.0
+
 # Entries of an estimate, the same as the ideal estimator's.
 PHI, PITCH, PHI_RATE, PITCH_RATE, HEADING, HEADING_RATE, ROLL = range(7)
 ESTIMATE_ENTRIES = 7
@@ -142,8 +145,10 @@ def predict(covariance: Any, transition: Any, noise: Any) -> None:
 
 
 @njit(cache=True)
-def correct(covariance: Any, observation: Any, variance: float, innovation: float, error: Any) -> None:
+def correct(covariance: Any, observation: Any, variance: float, innovation: float, error: Any) -> float:
     """One scalar measurement y = H x + noise: the estimated error x and its covariance, in place.
+
+    An innovation beyond `OUTLIER` standard deviations corrects nothing: a wheel slides, and the odometer has run away.
 
     Args:
         covariance: P, shape (n, n).
@@ -151,6 +156,9 @@ def correct(covariance: Any, observation: Any, variance: float, innovation: floa
         variance: Of the noise.
         innovation: Measured less expected before anything was corrected in this sample.
         error: x so far, shape (n,).
+
+    Returns:
+        0, or the whole of an innovation that was left out.
     """
     n = covariance.shape[0]
     gain = np.empty(n)
@@ -162,11 +170,34 @@ def correct(covariance: Any, observation: Any, variance: float, innovation: floa
             gain[i] += covariance[i, j] * observation[j]
         total += observation[i] * gain[i]
         left -= observation[i] * error[i]
+    if left * left > OUTLIER * OUTLIER * total:
+        return left
     for i in range(n):
         error[i] += gain[i] / total * left
         for j in range(i, n):
             covariance[i, j] -= gain[i] * gain[j] / total
             covariance[j, i] = covariance[i, j]
+    return 0.0
+
+
+@njit(cache=True)
+def restart(covariance: Any, place_variance: float, slid: float, period: float) -> None:
+    """After an outlier: the place is the odometer's, the speed may be wrong by as much as it slid, the rest stands.
+
+    Place and speed no longer say anything about tilt and offsets, so a sliding wheel does not turn the vertical. If it
+    goes on sliding, the next samples take its speed for the robot's, as any odometer does, until it grips again.
+
+    Args:
+        covariance: P, shape (n, n); position and velocity first.
+        place_variance: Variance of the odometer's place in one sample [m^2].
+        slid: The outlier [m].
+        period: Time between samples [s].
+    """
+    speed_variance = covariance[1, 1] + (slid / period) ** 2
+    covariance[:2, :] = 0.0
+    covariance[:, :2] = 0.0
+    covariance[0, 0] = place_variance
+    covariance[1, 1] = speed_variance
 
 
 @njit(cache=True)
@@ -319,7 +350,7 @@ def navigate(
     error_long = np.zeros(4)
     longitudinal_model(design, radius * travel_ahead + place[2], transition, noise, observation)
     predict(longitudinal, transition, noise)
-    correct(longitudinal, observation, design[TRAVEL_VARIANCE], along, error_long)
+    slid_along = correct(longitudinal, observation, design[TRAVEL_VARIANCE], along, error_long)
 
     transition, noise = np.empty((6, 6)), np.empty((6, 6))
     observations = np.empty((2, 6))
@@ -329,20 +360,29 @@ def navigate(
     predict(lateral, transition, noise)
     counted = radius / design[TRACK] * (angle_right - zero[1] - angle_left + zero[0]) + zero[2]
     turn = wrap(counted - _heading(rotation, sine, cosine))
-    correct(lateral, observations[0], design[SIDEWAYS_VARIANCE], sideways, error_lat)
-    correct(lateral, observations[1], design[HEADING_VARIANCE], turn, error_lat)
+    slid_sideways = correct(lateral, observations[0], design[SIDEWAYS_VARIANCE], sideways, error_lat)
+    slid_round = correct(lateral, observations[1], design[HEADING_VARIANCE], turn, error_lat)
 
     transition, noise = np.empty((3, 3)), np.empty((3, 3))
     observation = np.empty(3)
     error_vert = np.zeros(3)
     vertical_model(design, transition, noise, observation)
     predict(vertical, transition, noise)
-    correct(vertical, observation, design[TRAVEL_VARIANCE], innovation[2], error_vert)
+    slid_up = correct(vertical, observation, design[TRAVEL_VARIANCE], innovation[2], error_vert)
+
+    # What cannot be noise is the odometer's fault: its place and its heading start anew from where the robot is.
+    if slid_along != 0.0:
+        restart(longitudinal, design[TRAVEL_VARIANCE], slid_along, dt)
+    if slid_sideways != 0.0:
+        restart(lateral, design[SIDEWAYS_VARIANCE], slid_sideways, dt)
+    if slid_up != 0.0:
+        restart(vertical, design[TRAVEL_VARIANCE], slid_up, dt)
 
     # Take the estimated errors out.
-    drift[0] += ahead_x * error_long[0] + left_x * error_lat[0]
-    drift[1] += ahead_y * error_long[0] + left_y * error_lat[0]
-    drift[2] += error_vert[0]
+    drift[0] += ahead_x * (error_long[0] + slid_along) + left_x * (error_lat[0] + slid_sideways)
+    drift[1] += ahead_y * (error_long[0] + slid_along) + left_y * (error_lat[0] + slid_sideways)
+    drift[2] += error_vert[0] + slid_up
+    zero[2] -= slid_round
     velocity[0] += ahead_x * error_long[1] + left_x * error_lat[1]
     velocity[1] += ahead_y * error_long[1] + left_y * error_lat[1]
     velocity[2] += error_vert[1]
@@ -366,6 +406,9 @@ def navigate(
             drift[i] -= shift * travel[i]
 
     read_out(rotation, bias, velocity, rate, sensor, slope, angle_left - zero[0], angle_right - zero[1], radius, out)
+    if given:
+        # A given attitude tells the vertical; the heading is the odometer's, as with ideal sensors.
+        out[HEADING] = counted
 
 
 @njit(cache=True)
