@@ -1,11 +1,11 @@
 """The reduced state from imperfect sensors: inertial navigation, held to the ground by wheel odometry.
 
-Gyro and accelerometer are integrated to attitude and velocity of the sensor. Kinematics say where the sensor must be: a
-wheel that rolls carries the axle along the ground, the body carries the sensor above the axle, and nothing moves sideways.
-The difference corrects everything: an error of the tilt shows as an acceleration that the wheels do not confirm, g times
-the tilt. So the accelerometer tells the vertical although the robot accelerates, without differentiating the encoders,
-and the wheel rate comes from the accelerometer in the short run and from the encoders in the long, without the steps of
-counts over a sample. The difference of the two wheels' angles holds the heading.
+Gyro and accelerometer are integrated to attitude and velocity of the sensor. Kinematics say where the sensor must be:
+a wheel that rolls carries the axle along the ground, the body carries the sensor above the axle, and nothing moves
+sideways. The difference corrects everything: an error of the tilt shows as an acceleration that the wheels do not
+confirm, g times the tilt. So the accelerometer tells the vertical although the robot accelerates, without
+differentiating the encoders, and the wheel rate comes from the accelerometer in the short run and from the encoders in
+the long, without the steps of counts over a sample. The difference of the two wheels' angles holds the heading.
 
 The gains are those of a Kalman filter: noise densities go in (`ImuErrors`, the encoder's resolution), gains come out at
 every sample; no gain is chosen. What is linearised is the error, in three independent groups
@@ -165,8 +165,8 @@ class InertialEstimator:
         """Estimate from the next measurement.
 
         Args:
-            measurement: Flat measurement, shape (10 + 2 wheels,), see `control/estimator.py`; the wheels' joint rates are
-                not used.
+            measurement: Flat measurement, shape (10 + 2 wheels,), see `control/estimator.py`; the wheels' joint rates
+                are not used.
 
         Returns:
             (wheel angle, pitch, and their rates), shape (4,), a fresh array.

@@ -204,8 +204,8 @@ def restart(covariance: Any, place_variance: float, slid: float, period: float) 
 def longitudinal_model(design: Any, arm: float, transition: Any, noise: Any, observation: Any) -> None:
     """Model of the errors (position, velocity, tilt, gyro offset) along f.
 
-    Tilt turns gravity's reaction into acceleration, delta v' = g tilt. The odometer counts wheel against body, so a tilt
-    shifts it by r tilt, and the sensor above the axle by its height: `arm` is the sum of both.
+    Tilt turns gravity's reaction into acceleration, delta v' = g tilt. The odometer counts wheel against body, so a
+    tilt shifts it by r tilt, and the sensor above the axle by its height: `arm` is the sum of both.
     """
     dt, g = design[PERIOD], design[GRAVITY]
     _chain(design, transition, noise)
@@ -280,11 +280,11 @@ def navigate(
         axes: Forward, lateral and up in the base, rows, shape (3, 3).
         sensor: The sensor's place from the axle, in P, shape (3,) [m].
         slope: [rad].
-        zero: Wheel angle of the left and of the right wheel where the odometer started, and the heading there, shape (3,).
+        zero: Relative angle of the left and of the right wheel where the odometer started, and the heading there.
         design: See the names of its entries.
-        rotation, bias, vertical_bias, drift, velocity: The estimate, overwritten: rotation from P to W; gyro offset in P
-            [rad/s]; accelerometer offset along z [m/s^2], shape (1,); inertial place of the sensor less the odometer's
-            place of the axle, in W [m]; velocity of the sensor in W [m/s].
+        rotation, bias, vertical_bias, drift, velocity: The estimate, overwritten: rotation from P to W; gyro offset in
+            P [rad/s]; accelerometer offset along z [m/s^2], shape (1,); inertial place of the sensor less the
+            odometer's place of the axle, in W [m]; velocity of the sensor in W [m/s].
         previous: Of the sample before, overwritten: angular rate in P (3), relative angle of the left and of the right
             wheel (2).
         longitudinal, lateral, vertical: Covariances, shapes (4, 4), (6, 6), (3, 3), overwritten.

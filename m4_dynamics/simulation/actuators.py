@@ -39,8 +39,8 @@ def limited_duty(
 ) -> float:
     """Duty that a motor driver lets through.
 
-    It keeps the winding's torque, stall_torque * duty - back_emf * rate, within the limit, and lets the motor coast where
-    the torque would drive it beyond its speed limit.
+    It keeps the winding's torque, stall_torque * duty - back_emf * rate, within the limit, and lets the motor coast
+    where the torque would drive it beyond its speed limit.
 
     Args:
         duty: What is asked for.

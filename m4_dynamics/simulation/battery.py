@@ -8,8 +8,8 @@ takes part of it: V = n E - R I with V I = P, so
 A motor's duty acts in proportion to V: the voltage on its winding is duty times V. A rotor at a given throttle turns in
 proportion to V, and its thrust goes with the square of that. Both are right at the full pack's rest voltage.
 
-The power drawn is that of `reduced/power.py`: rotors by momentum theory, motors by their work and winding losses, nothing
-fed back; and a constant for everything else.
+The power drawn is that of `reduced/power.py`: rotors by momentum theory, motors by their work and winding losses,
+nothing fed back; and a constant for everything else.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ class Battery:
         cells: Cells in series.
         capacity: [A h].
         charge: At the start, 1 full. Full, because a climb is flown on a fresh pack.
-        resistance: Of the whole pack with its leads [ohm]. Assumed: 3 milliohm a cell, as packs of this size and of 40 C
-            have when new, and 12 milliohm of leads and connectors.
+        resistance: Of the whole pack with its leads [ohm]. Assumed: 3 milliohm a cell, as new packs of this size rated
+            for 40 C have, and 12 milliohm of leads and connectors.
         base_power: Of computer, receiver and holding servos [W]. Assumed: an embedded computer's.
         power: Figures of the rotors; those are assumed too, see `PowerModel`. Its number of rotors is not used.
     """

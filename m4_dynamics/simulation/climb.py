@@ -321,6 +321,7 @@ def run_climb(
     friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
     context: dict[str, Any] = {
         "controller": settings.controller,
+        "fidelity": settings.fidelity.switches,
         "speed_m_s": settings.speed,
         "duration_s": settings.duration,
         "pitch_error_deg": math.degrees(settings.pitch_error),

@@ -25,14 +25,14 @@ class Fidelity:
         rotor_time_constant: First-order lag of every rotor [s]; None takes the robot's own figure (0 for M4, as in the
             paper). 0.15 is the sibling robot ATMO's.
         servo_speed_limit: Whether a servo's target moves no faster than its velocity limit. Torque limits always act.
-        motor_limits: Whether a wheel's motor driver keeps the winding's torque within the effort limit of the joint, and
-            drives no faster than its velocity limit (both from the URDF). Within the duty law these act where a motor is
-            thrown into reverse, and downhill.
+        motor_limits: Whether a wheel's motor driver keeps the winding's torque within the effort limit of the joint,
+            and drives no faster than its velocity limit (both from the URDF). Beyond the duty law these act where a
+            motor is thrown into reverse, and downhill.
         encoder_counts: Counts per turn of a wheel; angles are whole counts, rates are their differences. 0 measures
             exactly. 4096 is a 12-bit magnetic encoder on the wheel's shaft.
         imu: Noise and offsets of gyro and accelerometer; None measures exactly.
-        attitude_estimated: Whether the attitude has to be estimated; the measurement's attitude is then NaN. Otherwise it
-            is given, exactly.
+        attitude_estimated: Whether the attitude has to be estimated; the measurement's attitude is then NaN. Otherwise
+            it is given, exactly.
         control_delay: Whole samples between a command and its effect. 1: computing takes the sample.
         battery: The pack that feeds rotors and motors; None is a constant voltage.
         seed: Seed of noise and offsets.
