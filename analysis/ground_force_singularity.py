@@ -28,7 +28,7 @@ from m4_dynamics.reduced.pendulum import MipParameters
 from m4_dynamics.reduced.reduction import reduce_robot
 from m4_dynamics.reduced.trim import trim_at_pitch
 from m4_dynamics.robot.loading import load_robot
-from m4_dynamics.view.style import COLOURS, dress_axes, label_line, new_figure, save_figure, title_figure
+from m4_dynamics.view.style import COLOURS, dress_axes, new_figure, save_figure, title_figure
 
 DISTANCES = np.logspace(-13, -1, 241)  # from the singular pitch [rad]
 AVERAGING_STEPS = {
@@ -88,7 +88,7 @@ def main() -> None:
     near.set_ylim(1e-17, 1e2)
     distance_label = "distance from the singular pitch [rad]"
     dress_axes(near, title="Corrected equations against Newton", ylabel="error / weight", xlabel=distance_label)
-    label_line(near, columns=1, location="upper right")
+    near.legend(loc="upper right", fontsize=8)
 
     degrees = np.degrees(pitches)
     for axes, right, wrong in (
@@ -103,8 +103,8 @@ def main() -> None:
     pitch_label = "pitch of the equilibrium [°]"
     dress_axes(normal, title="Normal force at the equilibria", ylabel="normal force / weight", xlabel=pitch_label)
     dress_axes(friction, title="Friction needed at the equilibria", ylabel="|f_x| / f_n", xlabel=pitch_label)
-    label_line(normal, columns=1, location="lower right")
-    label_line(friction, columns=1, location="upper right")
+    normal.legend(loc="lower right", fontsize=8)
+    friction.legend(loc="upper right", fontsize=8)
     options.out.mkdir(parents=True, exist_ok=True)
     picture = save_figure(figure, options.out / "ground_force_singularity.png")
 

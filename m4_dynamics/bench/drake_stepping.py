@@ -20,8 +20,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from m4_dynamics.bench.peers import import_peer
-from m4_dynamics.bench.standing import joint_angles, standing_configuration
 from m4_dynamics.errors import InvalidSettingError, RobotDescriptionError
+from m4_dynamics.full.standing import joint_angles, standing_configuration
 from m4_dynamics.robot.robot import Robot
 
 __all__ = ["DrakeStepper", "build_drake_stepper"]

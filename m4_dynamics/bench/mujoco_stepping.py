@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from m4_dynamics.bench.peers import import_peer
-from m4_dynamics.bench.standing import joint_angles, standing_configuration
 from m4_dynamics.errors import InvalidSettingError, RobotDescriptionError
+from m4_dynamics.full.standing import joint_angles, standing_configuration
 from m4_dynamics.robot.robot import Robot
 
 __all__ = ["MujocoStepper", "build_mujoco_stepper"]

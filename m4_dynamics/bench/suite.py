@@ -14,13 +14,13 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from m4_dynamics.bench.casadi_mpc import build_casadi_controller
+from m4_dynamics.bench.casadi_mpc import CASADI_CONTENDERS, build_casadi_controller
 from m4_dynamics.bench.drake_stepping import build_drake_stepper
 from m4_dynamics.bench.mujoco_stepping import build_mujoco_stepper
 from m4_dynamics.bench.peers import PeerMissingError
-from m4_dynamics.bench.standing import standing_configuration
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.full.model import FullModel
+from m4_dynamics.full.standing import standing_configuration
 from m4_dynamics.full.stepping import ImplicitStepper
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.climb import ClimbSettings, prepare_climb, run_climb

@@ -14,6 +14,7 @@ from m4_dynamics.errors import M4Error
 #: Command -> (module, one-line help). A module is imported only when its command is used.
 COMMANDS: dict[str, tuple[str, str]] = {
     "wair": ("m4_dynamics.cli.wair", "climb a slope on the full model and write plots, a summary and a 3D replay"),
+    "mission": ("m4_dynamics.cli.mission", "run a whole manoeuvre: stand up, drive, climb, come down, sit"),
     "inspect": ("m4_dynamics.cli.inspect", "show what a robot description holds and what is wrong with it"),
     "reduce": ("m4_dynamics.cli.reduce", "reduce the full model to the planar pendulum and show the residual"),
     "trim": ("m4_dynamics.cli.trim", "list the equilibria on a slope with their margins"),

@@ -8,11 +8,6 @@ import math
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from m4_dynamics.robot.robot import Robot
-    from m4_dynamics.simulation.climb import ClimbResult, ClimbSettings
 
 CONTROLLER_HELP = """\
 default: MPC about the trim with a terminal cost; paper: the paper's MPC (no terminal cost); paper-zero: the same with
@@ -73,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
         0 climbed; 1 slipped, fell, lagged; 2 infeasible; 130 interrupted.
     """
     from m4_dynamics.cli.main import EXIT_ERROR, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK
+    from m4_dynamics.cli.results import make_folder, write_run
     from m4_dynamics.robot.loading import load_robot
     from m4_dynamics.simulation.climb import ClimbSettings, run_climb
     from m4_dynamics.simulation.fidelity import Fidelity
@@ -99,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(f"climbing {args.slope:g} deg", settings.duration, unit="s") as advance:
         result = run_climb(robot, settings, attributes={"command": command}, on_progress=advance)
     summary = result.summary
-    written = write_results(result, robot, settings, folder, with_viewer=not args.no_viewer)
+    written = write_run(result.dataset, summary.as_dict(), robot, folder, with_viewer=not args.no_viewer)
     if args.json:
         print(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
     else:
@@ -152,50 +148,3 @@ def command_words(args: argparse.Namespace) -> list[str]:
     if args.realistic:
         words += ["--realistic", "--seed", str(args.seed)]
     return words
-
-
-def make_folder(folder: Path) -> None:
-    """Make the results' folder before the work, so that a bad name fails at once.
-
-    Raises:
-        ResultFileError: It cannot be made.
-    """
-    from m4_dynamics.errors import ResultFileError
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultFileError(f"cannot make the folder {folder}: {error.strerror or error}") from error
-
-
-def write_results(
-    result: ClimbResult, robot: Robot, settings: ClimbSettings, folder: Path, *, with_viewer: bool
-) -> list[Path]:
-    """Write everything a run leaves behind.
-
-    Args:
-        result: The run.
-        robot: The robot.
-        settings: What was climbed.
-        folder: Where to.
-        with_viewer: Whether to write viewer.html.
-
-    Returns:
-        The files written.
-    """
-    from m4_dynamics.output import replacing
-    from m4_dynamics.simulation.trajectory import save_trajectory
-    from m4_dynamics.view.plots import plot_ground_forces, plot_states
-    from m4_dynamics.view.replay import write_replay_html
-
-    written = []
-    if result.dataset is not None:
-        written.append(save_trajectory(result.dataset, folder / "trajectory.nc"))
-        written.append(plot_states(result.dataset, folder / "states.png"))
-        written.append(plot_ground_forces(result.dataset, folder / "ground_forces.png"))
-        if with_viewer:
-            written.append(write_replay_html(result.dataset, robot, folder / "viewer.html"))
-    with replacing(folder / "summary.json") as partial:
-        partial.write_text(json.dumps(result.summary.as_dict(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    written.append(folder / "summary.json")
-    return written

@@ -39,7 +39,11 @@ class StateEstimator(Protocol):
     slope: float
 
     def reset(self, measurement: ArrayLike, *, wheel_angle: float = 0.0, heading: float = 0.0) -> None:
-        """Tell the odometry where it is: wheel angle and heading, positive left of uphill [rad]."""
+        """Start anew at a place: wheel angle and heading, positive left of uphill [rad]."""
+        ...
+
+    def relocate(self, measurement: ArrayLike, *, wheel_angle: float, heading: float) -> None:
+        """Tell the odometry its place anew in the middle of a run; what is known of attitude and sensors stays."""
         ...
 
     def update(self, measurement: Array) -> Array:
@@ -152,6 +156,10 @@ class BalanceEstimator:
         self._zero[0] = self.wheel_signs[0] * values[IMU_ENTRIES + left] + pitch - wheel_angle
         self._zero[1] = self.wheel_signs[1] * values[IMU_ENTRIES + right] + pitch - wheel_angle
         self.update(values)
+
+    def relocate(self, measurement: ArrayLike, *, wheel_angle: float, heading: float) -> None:
+        """The same as `reset`: with ideal sensors there is nothing else to lose."""
+        self.reset(measurement, wheel_angle=wheel_angle, heading=heading)
 
     def update(self, measurement: Array) -> Array:
         """Estimate from one measurement.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, solve_discrete_are
@@ -12,9 +15,10 @@ from m4_dynamics.errors import ConvergenceError, InvalidSettingError
 from m4_dynamics.reduced.linear import discretise_zoh
 from m4_dynamics.reduced.pendulum import MipParameters, checked_state, linearise
 
-__all__ = ["LqrController", "lqr_gain"]
+__all__ = ["LqrController", "TrimFeedback", "lqr_gain", "trim_feedback"]
 
 _Array = NDArray[np.float64]
+Discretisation = Callable[[ArrayLike, ArrayLike, float], tuple[_Array, _Array]]
 
 
 def lqr_gain(a: ArrayLike, b: ArrayLike, state_weights: ArrayLike, input_weights: ArrayLike) -> tuple[_Array, _Array]:
@@ -41,6 +45,56 @@ def lqr_gain(a: ArrayLike, b: ArrayLike, state_weights: ArrayLike, input_weights
     cost_to_go = 0.5 * (cost_to_go + cost_to_go.T)
     gain = np.linalg.solve(r + b_d.T @ cost_to_go @ b_d, b_d.T @ cost_to_go @ a_d)
     return gain, cost_to_go
+
+
+class TrimFeedback(NamedTuple):
+    """Linear-quadratic feedback at the steadiest sample of each slope of a reference.
+
+    Attributes:
+        gains: K per distinct slope, shape (slopes, 2, 4); zero rows for inputs that have no range.
+        costs: Cost-to-go P per distinct slope, shape (slopes, 4, 4).
+        slope_index: For each sample of the reference the position of its slope in these lists, shape (N,).
+    """
+
+    gains: _Array
+    costs: _Array
+    slope_index: NDArray[np.intp]
+
+
+def trim_feedback(
+    parameters: MipParameters,
+    reference: ReferenceTrajectory,
+    *,
+    discretise: Discretisation,
+    state_weights: ArrayLike,
+    input_weights: ArrayLike,
+    input_ranges: ArrayLike,
+) -> TrimFeedback:
+    """Design the feedback of each slope of a reference.
+
+    Args:
+        parameters: The pendulum.
+        reference: What is followed; its samples set the rate.
+        discretise: `discretise_zoh` for the feedback of the sampled plant, `discretise_euler` for the plan's model.
+        state_weights: Diagonal of Q on (wheel angle, pitch, and their rates), shape (4,).
+        input_weights: Diagonal of R on (duty, thrust), shape (2,).
+        input_ranges: Upper less lower limit of each input, shape (2,); an input without a range is left out.
+
+    Returns:
+        Gains and costs.
+
+    Raises:
+        ConvergenceError: If the robot cannot be stabilised at a trim of the reference.
+    """
+    usable = np.flatnonzero(np.asarray(input_ranges, dtype=float) > 0.0)
+    weights = np.asarray(input_weights, dtype=float)[usable]
+    samples, slope_index = reference.steadiest_samples()
+    gains, costs = np.zeros((len(samples), 2, 4)), np.zeros((len(samples), 4, 4))
+    for i, sample in enumerate(samples):
+        a, b = linearise(parameters, reference.slope[sample], reference.state[sample], reference.inputs[sample])
+        a_d, b_d = discretise(a, b[:, usable], reference.time_step)
+        gains[i, usable], costs[i] = lqr_gain(a_d, b_d, state_weights, weights)
+    return TrimFeedback(gains, costs, slope_index)
 
 
 class LqrController:
@@ -82,15 +136,16 @@ class LqrController:
         self._reference = reference
         self._lower = np.array([duty_limits[0], thrust_limits[0]])
         self._upper = np.array([duty_limits[1], thrust_limits[1]])
-        samples, self._slope_index = reference.steadiest_samples()
-        gains, costs = [], []
-        for sample in samples:
-            a, b = linearise(parameters, reference.slope[sample], reference.state[sample], reference.inputs[sample])
-            gain, cost = lqr_gain(*discretise_zoh(a, b, reference.time_step), state_weights, input_weights)
-            gains.append(gain)
-            costs.append(cost)
-        self.gains: _Array = np.array(gains)
-        self._costs = np.array(costs)
+        feedback = trim_feedback(
+            parameters,
+            reference,
+            discretise=discretise_zoh,
+            state_weights=state_weights,
+            input_weights=input_weights,
+            input_ranges=self._upper - self._lower,
+        )
+        self.gains: _Array = feedback.gains
+        self._costs, self._slope_index = feedback.costs, feedback.slope_index
         self._diagnostics = Diagnostics()
 
     @property

@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from m4_dynamics.errors import InvalidSettingError, NoTrimExists, require_finite, require_shape
 from m4_dynamics.reduced.equilibrium import equilibrium_pitches
 from m4_dynamics.reduced.pendulum import MipParameters, inverse_dynamics
 from m4_dynamics.reduced.trim import Trim
 
-__all__ = ["ReferenceTrajectory", "balancing_pitch", "climb_reference"]
+__all__ = ["ReferenceTrajectory", "balancing_pitch", "climb_reference", "smooth_step"]
 
 _Array = NDArray[np.float64]
 
@@ -146,7 +146,7 @@ def climb_reference(
     position = np.zeros_like(time)
     derivatives = np.zeros((4, len(time)))  # speed, acceleration, jerk, snap along the slope
     for ramp_start, sign in ((start_time, 1.0), (cruise_end, -1.0)):
-        ramp_position, ramp_derivatives = _ramp(time - ramp_start, ramp_time)
+        ramp_position, ramp_derivatives = smooth_step(time - ramp_start, ramp_time)
         position += sign * speed * ramp_position
         derivatives += sign * speed * ramp_derivatives
     derivatives[:, time >= duration - hold_time] = 0.0  # rest is rest, without the rounding of the difference
@@ -163,7 +163,7 @@ def climb_reference(
 
 
 def balancing_pitch(
-    parameters: MipParameters, slope: float, trim: Trim, acceleration: _Array
+    parameters: MipParameters, slope: float, trim: Trim, acceleration: ArrayLike
 ) -> tuple[_Array, _Array, _Array]:
     """Pitch that balances a steady acceleration along the slope at the trim's thrust, and how it varies.
 
@@ -171,18 +171,19 @@ def balancing_pitch(
         parameters: The pendulum.
         slope: Inclination of the ground [rad].
         trim: Equilibrium on that slope; of the two solutions the one nearer to its pitch is taken.
-        acceleration: Of the axle along the slope, shape (N,) [m/s^2].
+        acceleration: Of the axle along the slope, any shape [m/s^2].
 
     Returns:
-        theta [rad], d theta / da [rad s^2/m] and its derivative [rad s^4/m^2], shape (N,) each.
+        theta [rad], d theta / da [rad s^2/m] and its derivative [rad s^4/m^2], each of that shape.
 
     Raises:
         NoTrimExists: If no pitch balances one of the accelerations (limit "acceleration").
     """
-    pitches = equilibrium_pitches(parameters, slope, trim.thrust, acceleration=acceleration)
-    unbalanced = np.flatnonzero(np.isnan(pitches).any(axis=0))
-    if len(unbalanced) > 0:
-        worst = acceleration[unbalanced[np.argmax(np.abs(acceleration[unbalanced]))]]
+    a = np.asarray(acceleration, dtype=np.float64)
+    pitches = equilibrium_pitches(parameters, slope, trim.thrust, acceleration=a)
+    unbalanced = a[np.isnan(pitches).any(axis=0)]
+    if unbalanced.size > 0:
+        worst = unbalanced[np.argmax(np.abs(unbalanced))]
         raise NoTrimExists(
             f"no pitch balances an acceleration of {worst:.2f} m/s^2 on {math.degrees(slope):.1f} deg with "
             f"{trim.thrust:.1f} N of thrust; lower the speed or lengthen the ramps",
@@ -199,15 +200,23 @@ def balancing_pitch(
     eta_t = -l_z * sin_tb - l_x * cos_tb
     weight_body = m_b * parameters.gravity
     g_a = parameters.inertia_wheel / r + parameters.mass * r + m_b * eta
-    g_t = m_b * eta_t * acceleration - weight_body * (l_z * cos_t - l_x * sin_t) + trim.thrust * r * sin_tb
+    g_t = m_b * eta_t * a - weight_body * (l_z * cos_t - l_x * sin_t) + trim.thrust * r * sin_tb
     g_ta = m_b * eta_t
-    g_tt = -m_b * eta * acceleration + weight_body * (l_x * cos_t + l_z * sin_t) + trim.thrust * r * cos_tb
+    g_tt = -m_b * eta * a + weight_body * (l_x * cos_t + l_z * sin_t) + trim.thrust * r * cos_tb
     pitch_a = -g_a / g_t
     return pitch, pitch_a, -(2.0 * g_ta * pitch_a + g_tt * pitch_a**2) / g_t
 
 
-def _ramp(time: _Array, duration: float) -> tuple[_Array, _Array]:
-    """Integral (N,), value and first three derivatives (4, N) of the smooth step from 0 to 1 that starts at time 0."""
+def smooth_step(time: _Array, duration: float) -> tuple[_Array, _Array]:
+    """The smooth step 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7 from 0 to 1, s = t / duration.
+
+    Args:
+        time: Since the step's start, shape (N,) [s].
+        duration: Of the step [s].
+
+    Returns:
+        Its integral, shape (N,) [s], and its value and first three derivatives, shape (4, N).
+    """
     s = np.clip(time / duration, 0.0, 1.0)
     integral = duration * s**5 * (7.0 + s * (-14.0 + s * (10.0 - 2.5 * s))) + np.maximum(time - duration, 0.0)
     value = s**4 * (35.0 + s * (-84.0 + s * (70.0 - 20.0 * s)))

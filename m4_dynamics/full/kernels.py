@@ -9,9 +9,6 @@ changed. Arrays are plain; `full/model.py` packs them and documents their meanin
 - A contact's own axes are (t1, t2, n): n = (n_x, 0, n_z) out of the ground, t1 = (n_z, 0, -n_x) uphill, t2 = y.
 """
 
-# Arguments of one kind share a line of the docstring.
-# ruff: noqa: D417
-
 from __future__ import annotations
 
 import math
@@ -507,11 +504,11 @@ def newton_step_length(v1: float, v2: float, d1: float, d2: float, stiction_spee
 
 @njit(cache=True)
 def newton_step_length_normal(depth: float, new_depth: float, width: float) -> float:
-    """Largest part of a Newton step of the depth that does not jump over the transition width.
+    """Largest part of a Newton step of the depth that does not jump over the steep part of the normal force.
 
-    The normal force rises from nothing to the whole spring and damper within the width. A step from one side to the
-    other sees the slope of the wrong side and the next one jumps back, for ever at a hard landing; stopped in the
-    middle, where the law is steepest, Newton finds the force between.
+    The force rises from nothing to the whole spring and damper within the transition width. A step over it sees the
+    slope of the wrong side and the next one jumps back, for ever at a hard landing; stopped in the middle, where the
+    law is steepest, Newton finds the force between.
 
     Args:
         depth, new_depth: Depth at the end of the time step, before and after the Newton step [m].
@@ -520,14 +517,27 @@ def newton_step_length_normal(depth: float, new_depth: float, width: float) -> f
     Returns:
         The part in (0, 1].
     """
-    if (depth >= width and new_depth <= 0.0) or (depth <= 0.0 and new_depth >= width):
+    if (depth > 0.6 * width and new_depth <= 0.0) or (depth < 0.4 * width and new_depth >= width):
         return (0.5 * width - depth) / (new_depth - depth)
     return 1.0
 
 
 @njit(cache=True)
-def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: Any, dt: float, velocity: Any,
-                   force: Any) -> int:  # fmt: skip
+def _drop_weakening(v1: float, v2: float, fn: float, scale: float, ground: Any, gradient: Any) -> None:
+    """Take the slope of the friction coefficient out of a contact's gradient where it is negative."""
+    speed = math.sqrt(v1 * v1 + v2 * v2)
+    _, slope = friction_coefficient(speed, ground, scale)
+    if slope < 0.0:
+        d1, d2 = v1 / speed, v2 / speed
+        gradient[0, 0] += fn * slope * d1 * d1
+        gradient[0, 1] += fn * slope * d1 * d2
+        gradient[1, 0] += fn * slope * d1 * d2
+        gradient[1, 1] += fn * slope * d2 * d2
+
+
+@njit(cache=True)
+def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: Any, dt: float, ascending: bool,
+                   velocity: Any, force: Any) -> int:  # fmt: skip
     """Newton on the contact velocities: v = v_free + dt W f(v).
 
     Args:
@@ -537,27 +547,37 @@ def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: 
         count: Number of contacts n.
         ground: Packed ground law.
         dt: Time step [s].
+        ascending: Leave out the slope of friction that weakens with the speed. Newton's steps then point the right way
+            between sticking and sliding, but they converge more slowly.
         velocity: In: first guess; out: contact velocities, shape (3 n,).
         force: Filled, shape (3 n,) [N].
 
     Returns:
-        The number of iterations, or -1 if Newton did not converge.
+        The number of iterations, or -1 if Newton did not converge; then the forces are those of the iterate that came
+        nearest, and the velocities those that they lead to.
     """
     n = 3 * count
     a = np.empty((n, n))
     b = np.empty(n)
     gradients = np.empty((count, 3, 3))
+    best_force = np.zeros(n)
+    least_residual = math.inf
     tolerance = NEWTON_TOLERANCE * ground[STICTION_SPEED]
     for iteration in range(1, NEWTON_CAP + 1):
         for i in range(count):
             k = 3 * i
             contact_law(velocity[k], velocity[k + 1], velocity[k + 2], contacts[i, GAP], contacts[i, FRICTION_SCALE],
                         ground, dt, force[k : k + 3], gradients[i])  # fmt: skip
+            if ascending:
+                _drop_weakening(velocity[k], velocity[k + 1], force[k + 2], contacts[i, FRICTION_SCALE], ground,
+                                gradients[i])  # fmt: skip
+        residual = 0.0
         for row in range(n):
             total = free[row] - velocity[row]
             for column in range(n):
                 total += dt * delassus[row, column] * force[column]
             b[row] = total
+            residual += abs(total)
             for j in range(count):
                 w0, w1, w2 = delassus[row, 3 * j], delassus[row, 3 * j + 1], delassus[row, 3 * j + 2]
                 for c in range(3):
@@ -565,8 +585,11 @@ def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: 
                         w0 * gradients[j, 0, c] + w1 * gradients[j, 1, c] + w2 * gradients[j, 2, c]
                     )
             a[row, row] += 1.0
-        if not _solve_dense(a, b, n):
-            return -1
+        if residual < least_residual:
+            least_residual = residual
+            best_force[:] = force
+        if not (math.isfinite(residual) and _solve_dense(a, b, n)):
+            break
         part = 1.0
         largest = 0.0
         for i in range(count):
@@ -584,6 +607,11 @@ def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: 
                 contact_law(velocity[k], velocity[k + 1], velocity[k + 2], contacts[i, GAP],
                             contacts[i, FRICTION_SCALE], ground, dt, force[k : k + 3], gradients[i])  # fmt: skip
             return iteration
+    for row in range(n):
+        force[row] = best_force[row]
+        velocity[row] = free[row]
+        for column in range(n):
+            velocity[row] += dt * delassus[row, column] * best_force[column]
     return -1
 
 
@@ -680,9 +708,10 @@ def implicit_step(
             index = wheel_velocity_indices[i]
             factor[index, index] += dt * (wheel_motor[i, 1] + wheel_brake[i])
         if not _cholesky(factor):
+            # M is not positive definite: no inertia is like that, or the state is lost already.
             counters[2] += 1
-            for i in range(nv):
-                displacement[i] = math.nan
+            velocity[:] = math.nan
+            displacement[:] = math.nan
             return
         # y = L^-1 rhs; Y = L^-1 J^T (rows of `scaled`); W = Y^T Y; free velocities J M^-1 rhs = Y^T y.
         _solve_lower(factor, new_velocity)
@@ -706,12 +735,16 @@ def implicit_step(
                 delassus[s, r] = total
         iterations = 0
         if count > 0:
-            iterations = solve_contacts(delassus, free, contacts, count, ground, dt, contact_velocity, force)
+            iterations = solve_contacts(delassus, free, contacts, count, ground, dt, False, contact_velocity, force)
             if iterations < 0:
-                # A second try from the free velocities, which lie on the other side of the stiction region.
+                # Between sticking and sliding, friction that weakens with the speed misleads Newton. A second try first
+                # lets it keep its peak, from the free velocities, and goes on from there without that slope.
                 for r in range(3 * count):
                     contact_velocity[r] = free[r]
-                iterations = solve_contacts(delassus, free, contacts, count, ground, dt, contact_velocity, force)
+                lasting = ground.copy()
+                lasting[FRICTION_DYNAMIC] = ground[FRICTION_STATIC]
+                solve_contacts(delassus, free, contacts, count, lasting, dt, True, contact_velocity, force)
+                iterations = solve_contacts(delassus, free, contacts, count, ground, dt, True, contact_velocity, force)
             for r in range(3 * count):
                 for c in range(nv):
                     new_velocity[c] += dt * scaled[r, c] * force[r]

@@ -182,6 +182,7 @@ class ImplicitStepper(_Stepper):
 
     def step(self, count: int = 1) -> None:
         """Advance by `count` time steps with the present actuation."""
+        _require_count(count)
         m, actuation = self.model, self.actuation
         model, data = m.robot.model, m.data
         for _ in range(count):
@@ -207,6 +208,7 @@ class ExplicitStepper(_Stepper):
 
     def step(self, count: int = 1) -> None:
         """Advance by `count` time steps with the present actuation."""
+        _require_count(count)
         m, actuation = self.model, self.actuation
         model, data = m.robot.model, m.data
         servo_q, servo_v = m.servo_indices[:, 0], m.servo_indices[:, 1]
@@ -235,3 +237,8 @@ class ExplicitStepper(_Stepper):
             self.wheel_force_in_world, self.wheel_contact_in_world, self.point_force_in_world, total,
         )  # fmt: skip
         return total
+
+
+def _require_count(count: int) -> None:
+    if count < 0:
+        raise InvalidSettingError("count of steps", count, "zero or more")

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from m4_dynamics.reduced.equilibrium import BRANCHES, EquilibriumLoads, equilibrium_loads, equilibrium_pitches
 from m4_dynamics.reduced.pendulum import MipParameters
 from m4_dynamics.reduced.trim_limits import TrimLimits, TrimMargins, trim_margins
+from m4_dynamics.reduced.trim_point import Trim, make_trim
 
-__all__ = ["BestMember", "TrimFamily", "refine", "sweep"]
+__all__ = ["TrimFamily", "margin_scales", "refine", "refine_everywhere", "sweep"]
 
 _Array = NDArray[np.float64]
 
@@ -47,30 +48,6 @@ class TrimFamily:
     violation: _Array
 
 
-@dataclass(frozen=True, slots=True)
-class BestMember:
-    """A member of the family.
-
-    Attributes:
-        thrust: [N].
-        pitch: [rad].
-        branch: "upright" or "hanging".
-        margins: Distance to the limits.
-        friction_needed: |f_x| / f_n.
-    """
-
-    thrust: float
-    pitch: float
-    branch: str
-    margins: TrimMargins
-    friction_needed: float
-
-    @property
-    def within_limits(self) -> bool:
-        """Whether every margin is positive or zero."""
-        return bool(self.margins.satisfied)
-
-
 def sweep(
     parameters: MipParameters,
     slope: float,
@@ -90,12 +67,12 @@ def sweep(
         thrust_range: First and last thrust [N].
         speed: Climbing speed [m/s].
         acceleration: Along the slope [m/s^2].
-        points: Samples of the thrust.
+        points: Samples of the thrust; only one if the range is a single value.
 
     Returns:
         The family.
     """
-    thrusts = np.linspace(thrust_range[0], thrust_range[1], points)
+    thrusts = np.unique(np.linspace(thrust_range[0], thrust_range[1], points))
     pitch = equilibrium_pitches(parameters, slope, thrusts, acceleration=acceleration)
     thrust = np.broadcast_to(thrusts, pitch.shape)
     loads = equilibrium_loads(parameters, slope, thrust, pitch, speed=speed, acceleration=acceleration)
@@ -115,7 +92,7 @@ def margin_scales(parameters: MipParameters, limits: TrimLimits) -> TrimMargins:
 
 def refine(
     parameters: MipParameters, family: TrimFamily, limits: TrimLimits, cost: Callable[[TrimFamily], _Array]
-) -> BestMember | None:
+) -> Trim | None:
     """Find the cheapest member, by sampling ever more finely around the best sample.
 
     Args:
@@ -127,17 +104,42 @@ def refine(
     Returns:
         The cheapest member, its thrust to about 1e-12 of the range; None if none is allowed.
     """
-    current = family
-    costs = _finite_or_infinite(cost(current))
+    costs = _finite_or_infinite(cost(family))
     if not np.isfinite(costs).any():
         return None
-    branch, index = (int(i) for i in np.unravel_index(int(np.argmin(costs)), costs.shape))
+    branch, index = np.unravel_index(int(np.argmin(costs)), costs.shape)
+    return _refine_at(parameters, family, limits, cost, costs, int(branch), int(index))[0]
+
+
+def refine_everywhere(
+    parameters: MipParameters, family: TrimFamily, limits: TrimLimits, cost: Callable[[TrimFamily], _Array]
+) -> Trim | None:
+    """Like `refine`, but around every local minimum of the samples; slower, and it misses less."""
+    costs = _finite_or_infinite(cost(family))
+    padded = np.pad(costs, ((0, 0), (1, 1)), constant_values=np.inf)
+    # Of a plateau only the first sample counts.
+    starts = np.isfinite(costs) & (costs < padded[:, :-2]) & (costs <= padded[:, 2:])
+    found = [
+        _refine_at(parameters, family, limits, cost, costs, int(branch), int(index))
+        for branch, index in np.argwhere(starts)
+    ]
+    return min(found, key=lambda trim_and_cost: trim_and_cost[1])[0] if found else None
+
+
+def _refine_at(
+    parameters: MipParameters,
+    family: TrimFamily,
+    limits: TrimLimits,
+    cost: Callable[[TrimFamily], _Array],
+    costs: _Array,
+    branch: int,
+    index: int,
+) -> tuple[Trim, float]:
+    """Refine around one sample of one branch; returns the member and its cost."""
+    current, best_cost = family, float(costs[branch, index])
     for _ in range(_REFINE_ROUNDS):
-        last = current.thrust.shape[1] - 1
-        stretch = (
-            float(current.thrust[branch, max(index - 1, 0)]),
-            float(current.thrust[branch, min(index + 1, last)]),
-        )
+        thrusts = current.thrust[branch]
+        stretch = (float(thrusts[max(index - 1, 0)]), float(thrusts[min(index + 1, len(thrusts) - 1)]))
         finer = sweep(
             parameters,
             family.slope,
@@ -149,18 +151,14 @@ def refine(
         )
         finer_costs = _finite_or_infinite(cost(finer))[branch]
         finer_index = int(np.argmin(finer_costs))
-        if finer_costs[finer_index] > costs[branch, index]:
+        if finer_costs[finer_index] > best_cost:
             break
-        current, index = finer, finer_index
-        costs = np.full(finer.thrust.shape, np.inf)
-        costs[branch] = finer_costs
-    return BestMember(
-        thrust=float(current.thrust[branch, index]),
-        pitch=float(current.pitch[branch, index]),
-        branch=BRANCHES[branch],
-        margins=TrimMargins(*(float(np.asarray(margin)[branch, index]) for margin in current.margins)),
-        friction_needed=float(current.loads.friction_needed[branch, index]),
+        current, index, best_cost = finer, finer_index, float(finer_costs[finer_index])
+    thrust, pitch = float(current.thrust[branch, index]), float(current.pitch[branch, index])
+    member = make_trim(
+        parameters, family.slope, thrust, pitch, BRANCHES[branch], family.speed, family.acceleration, limits
     )
+    return member, best_cost
 
 
 def _violation(parameters: MipParameters, limits: TrimLimits, margins: TrimMargins) -> _Array:

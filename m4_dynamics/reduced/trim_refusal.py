@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from m4_dynamics.errors import NoTrimExists
 from m4_dynamics.reduced.pendulum import MipParameters
-from m4_dynamics.reduced.trim_family import BestMember, TrimFamily, margin_scales, refine, sweep
+from m4_dynamics.reduced.trim_family import TrimFamily, margin_scales, refine, sweep
 from m4_dynamics.reduced.trim_limits import TrimLimits
+from m4_dynamics.reduced.trim_point import Trim
 
-__all__ = ["explain_refusal"]
+__all__ = ["explain_member", "explain_refusal"]
 
 _Array = NDArray[np.float64]
 
@@ -70,13 +71,42 @@ def explain_refusal(
     nearest = refine(parameters, family, limits, lambda members: members.violation)
     if nearest is None:
         return NoTrimExists(f"{where}: no pitch balances the robot; wheels and thrust cannot hold it", "equilibrium")
-    missed = [name for name in _ORDER_OF_BLAME if getattr(nearest.margins, name) < -1e-9]
-    if "normal_force" in missed and math.isinf(nearest.friction_needed):
-        missed.remove("friction")
-    scales = margin_scales(parameters, limits)
-    worst = max(missed, key=lambda name: -getattr(nearest.margins, name) / getattr(scales, name))
+    missed = _missed_limits(nearest)
+    if not missed:
+        return NoTrimExists(
+            f"{where}: the limits leave too narrow a stretch of thrust around {nearest.thrust:.6f} N", "thrust"
+        )
     reasons = " and ".join(_reason(name, nearest, limits) for name in missed)
+    worst = _worst_limit(parameters, missed, nearest, limits)
     return NoTrimExists(f"{where}: no single limit is to blame; the nearest equilibrium misses {reasons}", worst)
+
+
+def explain_member(member: Trim, limits: TrimLimits) -> NoTrimExists:
+    """Build the error for one equilibrium that misses its limits; the caller raises it.
+
+    Args:
+        member: The equilibrium.
+        limits: The limits.
+
+    Returns:
+        The error, which names every limit missed.
+    """
+    missed = _missed_limits(member)
+    where = _where(member.slope, member.speed, member.acceleration, None)
+    reasons = " and ".join(_reason(name, member, limits) for name in missed)
+    return NoTrimExists(f"{where} at {math.degrees(member.pitch):.1f} deg of pitch: {reasons}", missed[0])
+
+
+def _missed_limits(member: Trim) -> list[str]:
+    missed = [name for name in _ORDER_OF_BLAME if getattr(member.margins, name) < -1e-9]
+    if "normal_force" in missed and math.isinf(member.friction_needed):
+        missed.remove("friction")  # the ground would have to pull, which is what the normal force says
+    return missed
+
+
+def _worst_limit(parameters: MipParameters, missed: list[str], member: Trim, limits: TrimLimits) -> str:
+    scales = margin_scales(parameters, limits)
+    return max(missed, key=lambda name: -float(getattr(member.margins, name)) / float(getattr(scales, name)))
 
 
 class _CostOfDropping:
@@ -103,7 +133,7 @@ def _where(slope: float, speed: float, acceleration: float, thrust: float | None
     return text
 
 
-def _reason(name: str, member: BestMember, limits: TrimLimits) -> str:
+def _reason(name: str, member: Trim, limits: TrimLimits) -> str:
     missing = -float(getattr(member.margins, name))
     at = f"at {member.thrust:.1f} N and {math.degrees(member.pitch):.1f} deg of pitch"
     if name == "friction":

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from m4_dynamics.errors import RobotDescriptionError
+from m4_dynamics.errors import M4Error, RobotDescriptionError
 
 __all__ = ["TomlTable"]
 
@@ -16,26 +16,29 @@ _TYPE_NAMES = {bool: "the boolean", int: "the integer", float: "the number", str
 class TomlTable:
     """One table of a TOML file.
 
-    Every getter raises a `RobotDescriptionError` that names the file, the table, the key, what was received and what
-    would be valid. Call `finish` when all keys have been read.
+    Every getter raises an error (of a robot's file: `RobotDescriptionError`) that names the file, the table, the key,
+    what was received and what would be valid. Call `finish` when all keys have been read.
 
     Attributes:
         file: The file, for messages.
         path: Where the table stands in the file, such as "wheels".
         values: The table's contents.
+        error_type: What is raised; a file of another kind than a robot's sets its own in a subclass.
     """
+
+    error_type: type[M4Error] = RobotDescriptionError
 
     def __init__(self, file: Path, path: str, values: object) -> None:
         self.file = file
         self.path = path
         if not isinstance(values, dict):
-            raise RobotDescriptionError(f"{file}: [{path}] must be a table, got {_in_words(values)}")
+            raise self.error_type(f"{file}: [{path}] must be a table, got {_in_words(values)}")
         self.values: dict[str, Any] = values
         self._known: list[str] = []
 
-    def error(self, key: str, problem: str) -> RobotDescriptionError:
+    def error(self, key: str, problem: str) -> M4Error:
         """An error about one key, to be raised by the caller."""
-        return RobotDescriptionError(f"{self.file}: [{self.path}] {key} {problem}")
+        return self.error_type(f"{self.file}: [{self.path}] {key} {problem}")
 
     def take(self, key: str) -> Any:
         """The raw value, or None if the key is absent."""
@@ -48,7 +51,7 @@ class TomlTable:
         for key in self.values:
             if key not in self._known:
                 place = f"[{self.path}] " if self.path else ""
-                raise RobotDescriptionError(f"{self.file}: {place}unknown key '{key}'; valid: {', '.join(self._known)}")
+                raise self.error_type(f"{self.file}: {place}unknown key '{key}'; valid: {', '.join(self._known)}")
 
     def number(
         self,

@@ -14,6 +14,7 @@ from m4_dynamics.control.estimator import BalanceEstimator, StateEstimator
 from m4_dynamics.control.heading import HeadingHold, wheel_duties
 from m4_dynamics.control.imu import ImuErrors
 from m4_dynamics.control.inertial import InertialEstimator
+from m4_dynamics.control.reference import ReferenceTrajectory
 from m4_dynamics.reduced.reduction import BalanceFrame, Reduction
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.fidelity import Fidelity
@@ -107,6 +108,7 @@ class BalanceLoop:
         plant: The full model; reset it before the loop.
         reduction: How the robot stands as a pendulum: axes, drive wheels and their signs.
         controller: Gives motor duty and thrust from the reduced state.
+        reference: What the controller follows, for the record.
         heading_hold: Gives the differential duty.
         heading_reference: Wanted heading, positive left of uphill [rad].
         estimator: Reduced state from the measurements.
@@ -116,6 +118,7 @@ class BalanceLoop:
     plant: Plant
     reduction: Reduction
     controller: BalanceController
+    reference: ReferenceTrajectory
     heading_hold: HeadingHold
     estimator: StateEstimator
     recorder: Recorder
@@ -137,10 +140,20 @@ class BalanceLoop:
             heading: Heading, positive left of uphill [rad].
             held: How long the robot was held still there before, while the estimator was already at work [s].
         """
-        self.controller.reset()
         self.estimator.reset(measurement, wheel_angle=wheel_angle, heading=heading)
         for _ in range(round(held / self.plant.control_period)):
             self.estimator.update(self.plant.measure_held())
+        self.follow(self.controller, self.reference)
+
+    def follow(self, controller: BalanceController, reference: ReferenceTrajectory) -> None:
+        """Go on from here with a controller and a reference, both from their start.
+
+        Args:
+            controller: The controller.
+            reference: What it follows.
+        """
+        self.controller, self.reference = controller, reference
+        self.controller.reset()
         self._step = 0
 
     def advance(self) -> None:
@@ -162,7 +175,11 @@ class BalanceLoop:
         command.wheel_duty[wheels.left] = wheels.sign_left * duty_left
         command.wheel_duty[wheels.right] = wheels.sign_right * duty_right
         np.multiply(self.reduction.thrust_shares, inputs[1], out=command.thrust)
-        self.recorder.record_decision(state, heading, inputs, differential, self.controller.diagnostics, seconds)
+        sample = min(self._step, len(self.reference.time) - 1)
+        wanted = self.reference.state[sample], self.reference.inputs[sample]
+        self.recorder.record_decision(
+            state, heading, inputs, differential, self.controller.diagnostics, seconds, wanted
+        )
         plant.step()
         self.recorder.record_outcome()
         self._step += 1

@@ -279,6 +279,7 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         plant=plant,
         reduction=reduction,
         controller=controller,
+        reference=reference,
         heading_hold=heading_hold,
         estimator=balance_estimator(
             robot,
@@ -349,9 +350,8 @@ def run_climb(
     dataset = build_trajectory(
         climb.recorder,
         climb.reduction,
-        climb.reference,
-        slope=settings.slope,
         attributes={
+            "slope_deg": math.degrees(settings.slope),
             "controller": settings.controller,
             "thrust_limit_N": climb.reduction.thrust_max,
             **(attributes or {}),

@@ -24,20 +24,26 @@ class Recorder:
     Attributes:
         capacity: Largest number of rows.
         count: Rows written.
+        current_phase: Written into the rows' `phase`.
         time: [s], and so on; shapes start with `capacity`. Columns of `statistics` are named in `full/kernels.py`; they
             hold the peaks within the period and running sums. Columns of `diagnostics` are those of
             `control.Diagnostics`; `control_seconds` is the wall-clock time that the balance controller took. `thrust`
             and `wheel_duty` are what acts at the period's end, not what was commanded. `battery` holds voltage [V],
-            current [A] and charge; it has no rows when the supply is ideal.
+            current [A] and charge; it has no rows when the supply is ideal. References are NaN where nothing was
+            followed.
     """
 
     plant: Plant
     capacity: int
     count: int = field(init=False, default=0)
+    current_phase: int = field(init=False, default=0)
     time: Array = field(init=False)
     configuration: Array = field(init=False)
     velocity: Array = field(init=False)
     state_estimated: Array = field(init=False)
+    state_reference: Array = field(init=False)
+    inputs_reference: Array = field(init=False)
+    phase: NDArray[np.int64] = field(init=False)
     heading_estimated: Array = field(init=False)
     inputs: Array = field(init=False)
     differential_duty: Array = field(init=False)
@@ -58,6 +64,9 @@ class Recorder:
         self.configuration = np.zeros((n, robot.model.nq))
         self.velocity = np.zeros((n, robot.model.nv))
         self.state_estimated = np.zeros((n, 4))
+        self.state_reference = np.full((n, 4), np.nan)
+        self.inputs_reference = np.full((n, 2), np.nan)
+        self.phase = np.zeros(n, dtype=np.int64)
         self.heading_estimated = np.zeros(n)
         self.inputs = np.zeros((n, 2))
         self.differential_duty = np.zeros(n)
@@ -79,8 +88,9 @@ class Recorder:
         differential: float,
         diagnostics: Diagnostics,
         seconds: float,
+        reference: tuple[Array, Array] | None = None,
     ) -> None:
-        """Record what the controller saw and did; call before the plant steps."""
+        """Record what the controller saw, wanted and did; call before the plant steps."""
         k, plant = self.count, self.plant
         self.time[k] = plant.time
         self.configuration[k] = plant.stepper.configuration
@@ -89,6 +99,8 @@ class Recorder:
         self.heading_estimated[k] = heading
         self.inputs[k] = inputs
         self.differential_duty[k] = differential
+        if reference is not None:
+            self.state_reference[k], self.inputs_reference[k] = reference
         self.diagnostics[k] = diagnostics
         self.control_seconds[k] = seconds
 
@@ -102,6 +114,7 @@ class Recorder:
         stepper.clear_peaks()
         self.contact_position_in_world[k] = stepper.wheel_contact_in_world
         self.point_force_in_world[k] = stepper.point_force_in_world
+        self.phase[k] = self.current_phase
         if len(self.battery):
             self.battery[k] = self.plant.battery
         self.count = k + 1

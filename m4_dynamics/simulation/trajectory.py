@@ -6,20 +6,19 @@ reduced model. A reader of the file needs nothing else: units and meaning are in
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from m4_dynamics import __version__
-from m4_dynamics.control.reference import ReferenceTrajectory
 from m4_dynamics.errors import ResultFileError
 from m4_dynamics.full import kernels
+from m4_dynamics.full.axle_path import AxlePath
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.output import replacing
 from m4_dynamics.reduced.ground_force import ground_force_in_slope
@@ -43,12 +42,16 @@ class TrueMotion:
     """What really happened, from the full state (controllers do not see it).
 
     Attributes:
-        state: (axle travel along the slope / r, pitch, and their rates), shape (n, 4).
+        travel: Of the axle along its way over the terrain, from the terrain's first corner, shape (n,) [m].
+        slope: Under the wheels, shape (n,) [rad].
+        state: (travel from the origin given / r, pitch, and their rates), shape (n, 4).
         heading: About the slope normal, positive left of uphill, shape (n,) [rad].
         axle_in_world: Middle of the axle, shape (n, 3) [m].
         com_in_world: Shape (n, 3) [m].
     """
 
+    travel: Array
+    slope: Array
     state: Array
     heading: Array
     axle_in_world: Array
@@ -56,7 +59,7 @@ class TrueMotion:
 
 
 def true_motion(
-    model: FullModel, reduction: Reduction, configuration: Array, velocity: Array, *, slope: float
+    model: FullModel, reduction: Reduction, configuration: Array, velocity: Array, *, origin: float | None = None
 ) -> TrueMotion:
     """True reduced state along a run.
 
@@ -65,15 +68,13 @@ def true_motion(
         reduction: Axes and drive wheels of the pendulum.
         configuration: q, shape (n, nq).
         velocity: v, shape (n, nv).
-        slope: Inclination along which travel is measured [rad].
+        origin: Travel at which the wheel angle is zero [m]; None takes that of the first sample.
 
     Returns:
-        The motion; travel is counted from the first sample.
+        The motion.
     """
     robot, data = model.robot, model.data
     frame = reduction.frame
-    tangent = np.array([math.cos(slope), 0.0, math.sin(slope)])
-    normal = np.array([-math.sin(slope), 0.0, math.cos(slope)])
     wheels = drive_wheels(robot, frame)
     joints = [robot.wheels[index].joint_id for index in (wheels.left, wheels.right)]
     axes_in_base = frame.rotation_in_base
@@ -91,35 +92,39 @@ def true_motion(
         rates[k] = rotation @ velocity[k, 3:6]
     forward, lateral, up = axes[:, 0], axes[:, 1], axes[:, 2]
     radius = reduction.parameters.wheel_radius
+    path = AxlePath.over(model.terrain, radius)
+    travel = np.array([path.length_at(point) for point in axle[:, [0, 2]]])
+    slope = path.slope_at(travel)
+    zero = np.zeros_like(slope)
+    tangent = np.column_stack((np.cos(slope), zero, np.sin(slope)))
+    normal = np.column_stack((-np.sin(slope), zero, np.cos(slope)))
     state = np.column_stack(
         (
-            (axle - axle[0]) @ tangent / radius,
+            (travel - (travel[0] if origin is None else origin)) / radius,
             np.arctan2(-forward[:, 2], up[:, 2]),
-            axle_velocity @ tangent / radius,
+            np.einsum("ki,ki->k", axle_velocity, tangent) / radius,
             np.einsum("ki,ki->k", rates, lateral),
         )
     )
-    left_along = lateral - np.outer(lateral @ normal, normal)
-    heading = np.arctan2(-(left_along @ tangent), left_along[:, 1])
-    return TrueMotion(state, heading, axle, com)
+    left_along = lateral - np.einsum("ki,ki->k", lateral, normal)[:, None] * normal
+    heading = np.arctan2(-np.einsum("ki,ki->k", left_along, tangent), left_along[:, 1])
+    return TrueMotion(travel, slope, state, heading, axle, com)
 
 
 def build_trajectory(
     recorder: Recorder,
     reduction: Reduction,
-    reference: ReferenceTrajectory,
     *,
-    slope: float,
-    attributes: Mapping[str, str | float | int],
+    attributes: Mapping[str, str | float | int | list[str]],
+    origin: float | None = None,
 ) -> xarray.Dataset:
     """Label a run.
 
     Args:
         recorder: The raw samples.
         reduction: Axes and parameters of the pendulum.
-        reference: What the controller followed, sampled at the recorder's rate.
-        slope: Inclination of the ground [rad].
         attributes: Provenance and settings for the dataset's attributes.
+        origin: Travel at which the wheel angle is zero [m]; None takes that of the first sample.
 
     Returns:
         The dataset; every variable has `units` and `long_name`.
@@ -129,7 +134,7 @@ def build_trajectory(
     n = recorder.count
     model = recorder.plant.model
     robot = model.robot
-    motion = true_motion(model, reduction, recorder.configuration[:n], recorder.velocity[:n], slope=slope)
+    motion = true_motion(model, reduction, recorder.configuration[:n], recorder.velocity[:n], origin=origin)
     period = recorder.plant.control_period
     statistics = recorder.statistics[:n]
     impulse = statistics[:, :, kernels.IMPULSE_X : kernels.IMPULSE_Z + 1]
@@ -138,18 +143,19 @@ def build_trajectory(
     on_drive_wheels = contact_force[:, [wheels.left, wheels.right]].sum(axis=1)
     rolling = np.ones(len(robot.wheels))
     rolling[[wheels.left, wheels.right]] = wheels.sign_left, wheels.sign_right
-    cosine, sine = math.cos(slope), math.sin(slope)
+    cosine, sine = np.cos(motion.slope), np.sin(motion.slope)
     ground_simulated = np.column_stack(
         (cosine * on_drive_wheels[:, 0] + sine * on_drive_wheels[:, 2],
          -sine * on_drive_wheels[:, 0] + cosine * on_drive_wheels[:, 2])
     )  # fmt: skip
     applied = applied_inputs(recorder, reduction)
     ground_model = np.array(
-        [ground_force_in_slope(reduction.parameters, slope, motion.state[k], applied[k]) for k in range(n)]
+        [
+            ground_force_in_slope(reduction.parameters, float(motion.slope[k]), motion.state[k], applied[k])
+            for k in range(n)
+        ]
     ).reshape(n, 2)
-    rows = np.minimum(np.arange(n), len(reference.time) - 1)
-    state_reference, inputs_reference = reference.state[rows], reference.inputs[rows]
-    # Travel is measured from the start of the run, as the reference's is.
+    state_reference, inputs_reference = recorder.state_reference[:n], recorder.inputs_reference[:n]
     error = state_reference - motion.state
     sums = [kernels.SLIP_DISTANCE, kernels.SLIP_TIME, kernels.AIR_TIME]
     running = np.diff(statistics[:, :, sums], axis=0, prepend=np.zeros((1, len(robot.wheels), len(sums))))
@@ -157,7 +163,7 @@ def build_trajectory(
     diagnostics = recorder.diagnostics[:n]
     wheel, thruster, servo, xyz = "wheel", "thruster", "servo", "xyz"
     reduced, inputs, along = "reduced_state", "reduced_input", "slope_axis"
-    variables: dict[str, tuple[tuple[str, ...], Array, str, str]] = {
+    variables: dict[str, tuple[tuple[str, ...], NDArray[Any], str, str]] = {
         "configuration": (("time", "nq"), recorder.configuration[:n], "m, 1, rad", "configuration q (Pinocchio)"),
         "velocity": (("time", "nv"), recorder.velocity[:n], "m/s, rad/s", "velocity v (Pinocchio)"),
         "state": (("time", reduced), motion.state, "rad, rad, rad/s, rad/s", "true reduced state"),
@@ -166,6 +172,9 @@ def build_trajectory(
         "state_reference": (("time", reduced), state_reference, "rad, rad, rad/s, rad/s", "reference of the state"),
         "inputs": (("time", inputs), recorder.inputs[:n], "1, N", "motor duty and total thrust, commanded"),
         "inputs_reference": (("time", inputs), inputs_reference, "1, N", "motor duty and total thrust, reference"),
+        "travel": (("time",), motion.travel, "m", "true travel of the axle along its way, from the foot of the slope"),
+        "slope": (("time",), motion.slope, "rad", "slope of the ground under the wheels"),
+        "phase": (("time",), recorder.phase[:n], "1", "index of the mission's phase"),
         "heading": (("time",), motion.heading, "rad", "true heading about the slope normal, left of uphill"),
         "heading_estimated": (("time",), recorder.heading_estimated[:n], "rad", "heading that the controller saw"),
         "differential_duty": (("time",), recorder.differential_duty[:n], "1", "duty of the heading hold"),
@@ -225,7 +234,6 @@ def build_trajectory(
     dataset.attrs.update(
         {
             "robot": robot.name,
-            "slope_deg": math.degrees(slope),
             "friction_static": model.ground.friction_static,
             "wheel_radius_m": reduction.parameters.wheel_radius,
             "weight_N": reduction.parameters.mass * reduction.parameters.gravity,

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["progress_bar"]
+__all__ = ["progress_bar", "status_line"]
 
 
 @contextmanager
@@ -36,3 +36,19 @@ def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[[f
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(title, total=total)
         yield lambda done: progress.update(task, completed=done)
+
+
+@contextmanager
+def status_line() -> Iterator[Callable[[str, float], None] | None]:
+    """Show what a long job is at, with a spinner.
+
+    Yields:
+        A function that takes the name of what begins and the simulated time [s], or None when stderr is no terminal.
+    """
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("starting") as status:
+        yield lambda name, simulated: status.update(f"{name} (t = {simulated:.1f} s)")

@@ -14,9 +14,9 @@ import pytest
 from m4_dynamics.bench.drake_stepping import build_drake_stepper
 from m4_dynamics.bench.mujoco_stepping import build_mujoco_stepper
 from m4_dynamics.bench.peers import PeerMissingError, import_peer
-from m4_dynamics.bench.standing import joint_angles, standing_configuration
 from m4_dynamics.errors import InvalidSettingError, M4Error, RobotDescriptionError, UnknownNameError
 from m4_dynamics.full.model import FullModel
+from m4_dynamics.full.standing import joint_angles, standing_configuration
 from m4_dynamics.full.stepping import ImplicitStepper
 from m4_dynamics.robot.loading import load_robot
 from m4_dynamics.robot.robot import Robot
@@ -105,7 +105,7 @@ def test_import_peer_returns_the_module() -> None:
 
 
 @pytest.mark.parametrize("posture", [None, "ugv", "crouch", "mip"])
-def test_the_lowest_wheel_touches_the_ground(robot: Robot, posture: str | None) -> None:
+def test_the_lowest_wheel_or_point_touches_the_ground(robot: Robot, posture: str | None) -> None:
     q = standing_configuration(robot, posture)
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
@@ -117,6 +117,8 @@ def test_the_lowest_wheel_touches_the_ground(robot: Robot, posture: str | None) 
         rim = wheel.radius * (np.cos(turns)[:, None] * across[0] + np.sin(turns)[:, None] * across[1])
         placement = data.oMi[wheel.joint_id]
         lowest = min(lowest, (placement.translation + rim @ placement.rotation.T)[:, 2].min())
+    for point in robot.contact_points:
+        lowest = min(lowest, data.oMi[point.joint_id].act(point.position_in_joint)[2])
     assert lowest == pytest.approx(0.0, abs=1e-6)
 
 

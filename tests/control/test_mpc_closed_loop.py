@@ -30,6 +30,18 @@ def test_recovers_from_a_pitch_error_and_climbs(pendulum, make_case, simulate, s
     assert run.tracking_cost[-1] < 1e-6
 
 
+@pytest.mark.parametrize("slope_deg", [0.0, 10.0])
+def test_balances_a_robot_without_thrusters(pendulum, make_case, simulate, slope_deg):
+    # The ramps would need a little thrust, so what they leave behind is given time to settle.
+    case = make_case(slope_deg, thrust=0.0, duration=12.0, hold_time=4.0)
+    controller = MpcController(pendulum, case.reference, MpcSettings(thrust_limits=(0.0, 0.0)))
+    run = simulate(controller, case.reference, pitch_error_deg=3.0)
+    assert not run.fell
+    assert (run.inputs[:, 1] == 0.0).all()
+    assert np.abs(run.error[-1, :2]).max() < 1e-2
+    assert controller.fallbacks == 0
+
+
 @pytest.mark.parametrize("rate", [-0.8, 0.8])
 def test_recovers_from_a_push(pendulum, make_case, simulate, rate):
     # A blow at the body that changes its pitch rate at once, in the middle of the climb.

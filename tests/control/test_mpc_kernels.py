@@ -103,9 +103,8 @@ def test_hessian_is_gauss_newtons(setup, offset, terminal_cost):
 def test_bounds_are_those_of_the_inputs(setup):
     _, optimiser, _, nominal = setup(45.0, np.zeros(4))
     z = optimiser.qp
-    np.testing.assert_allclose(
-        nominal + SCALE * z.box_lower[:-1].reshape(N, 2), np.tile([-1.0, 0.0], (N, 1)), atol=1e-12
-    )
+    lower, upper = (nominal + SCALE * box[:-1].reshape(N, 2) for box in (z.box_lower, z.box_upper))
+    np.testing.assert_allclose(lower, np.tile([-1.0, 0.0], (N, 1)), atol=1e-12)
     np.testing.assert_allclose(upper, np.tile([1.0, 43.2], (N, 1)), atol=1e-12)
     assert z.box_lower[-1] == 0.0
     assert z.box_upper[-1] == kernels.UNBOUNDED

@@ -22,8 +22,31 @@ def fill(programme: QuadraticProgramme, rng: np.random.Generator) -> None:
 
 
 def make(variables: int, rows: int, **options: float) -> QuadraticProgramme:
-    defaults = {"tolerance": 1e-9, "iterations": 60, "inner_iterations": 60}
+    defaults = {"tolerance": 1e-9, "iterations": 60, "inner_iterations": 60, "slacks": 0}
     return QuadraticProgramme(variables=variables, rows=rows, **{**defaults, **options})
+
+
+def assert_optimal(programme: QuadraticProgramme, z: np.ndarray) -> int:
+    """Check feasibility, and that the negative gradient is a non-negative combination of active constraints' normals.
+
+    Returns:
+        The number of active constraints.
+    """
+    n = len(z)
+    assert (programme.rows @ z <= programme.rows_upper + 1e-7).all()
+    assert (z >= programme.box_lower - 1e-7).all()
+    assert (z <= programme.box_upper + 1e-7).all()
+    all_rows = np.vstack([programme.rows, np.eye(n), -np.eye(n)])
+    bounds = np.concatenate([programme.rows_upper, programme.box_upper, -programme.box_lower])
+    # ProxQP stops on feasibility and stationarity: an active constraint may keep a gap of some 1e-5.
+    touching = all_rows[all_rows @ z > bounds - 1e-4]
+    gradient = programme.hessian @ z + programme.gradient
+    if len(touching) == 0:
+        np.testing.assert_allclose(gradient, 0.0, atol=1e-6)
+    else:
+        multipliers = lsq_linear(touching.T, -gradient, bounds=(0.0, np.inf)).x
+        np.testing.assert_allclose(touching.T @ multipliers, -gradient, atol=1e-4)
+    return len(touching)
 
 
 def test_solutions_satisfy_the_optimality_conditions():
@@ -33,22 +56,30 @@ def test_solutions_satisfy_the_optimality_conditions():
     for _ in range(50):
         fill(programme, rng)
         assert programme.solve() == ControlStatus.SOLVED
-        z = programme.solution
-        assert (programme.rows @ z <= programme.rows_upper + 1e-7).all()
-        assert (z >= programme.box_lower - 1e-7).all()
-        assert (z <= programme.box_upper + 1e-7).all()
-        # The negative gradient must be a non-negative combination of the active constraints' normals.
-        all_rows = np.vstack([programme.rows, np.eye(8), -np.eye(8)])
-        bounds = np.concatenate([programme.rows_upper, programme.box_upper, -programme.box_lower])
-        touching = all_rows[all_rows @ z > bounds - 1e-6]
-        gradient = programme.hessian @ z + programme.gradient
-        if len(touching) == 0:
-            np.testing.assert_allclose(gradient, 0.0, atol=1e-6)
-        else:
-            active += 1
-            multipliers = lsq_linear(touching.T, -gradient, bounds=(0.0, np.inf)).x
-            np.testing.assert_allclose(touching.T @ multipliers, -gradient, atol=1e-4)
+        active += assert_optimal(programme, programme.solution) > 0
     assert active > 25
+
+
+@pytest.mark.parametrize("slacks", [0, 1])
+def test_the_unconstrained_optimum_is_taken_when_it_is_the_optimum(slacks):
+    rng = np.random.default_rng(6)
+    programme = make(7, 5, slacks=slacks)
+    shortcuts = 0
+    for _ in range(200):
+        fill(programme, rng)
+        programme.gradient[:] *= 0.2
+        if slacks:
+            # A slack: no coupling in the cost, a cost that rises from zero, and relief of every row.
+            programme.hessian[-1, :] = programme.hessian[:, -1] = 0.0
+            programme.hessian[-1, -1] = 1.0
+            programme.gradient[-1] = 50.0
+            programme.box_lower[-1] = 0.0
+            programme.rows[:, -1] = -1.0
+        assert programme.solve() == ControlStatus.SOLVED
+        z = programme.solution.copy()
+        assert_optimal(programme, z)
+        shortcuts += programme.iterations == 0
+    assert 20 < shortcuts < 180
 
 
 def test_without_rows_and_bounds_it_solves_a_linear_system():

@@ -80,6 +80,7 @@ def test_balancing_pitch_agrees_with_a_root_finder(pendulum, make_case):
         wanted = (0.3 / pendulum.wheel_radius, 0.0)
         return inverse_dynamics(pendulum, case.slope, (0.0, theta, 0.0, 0.0), wanted)[1] - case.trim.thrust
 
+    assert balancing_pitch(pendulum, case.slope, case.trim, 0.3)[0] == pitch[0]
     assert pitch[0] == pytest.approx(brentq(missing_thrust, case.trim.pitch - 0.3, case.trim.pitch + 0.3), abs=1e-10)
 
 

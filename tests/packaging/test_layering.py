@@ -25,12 +25,12 @@ ALLOWED: dict[str, set[str]] = {
     "control": {"errors", "reduced"},
     "simulation": {"errors", "output", "robot", "full", "reduced", "reduced.reduction", "control"},
 }
-for top_floor in ("feasibility", "view", "bench", "cli"):
+for top_floor in ("mission", "feasibility", "view", "bench", "cli"):
     ALLOWED[top_floor] = set(ALLOWED)  # everything below
 
 #: Third-party module -> the only floors (or files) that may import it. Modules that are not listed are free.
 RESERVED: dict[str, set[str]] = {
-    "pinocchio": {"robot", "full", "reduced.reduction", "simulation", "feasibility", "view", "bench", "cli"},
+    "pinocchio": {"robot", "full", "reduced.reduction", "simulation", "mission", "feasibility", "view", "bench", "cli"},
     "coal": {"robot", "full", "reduced.reduction", "simulation", "feasibility", "view"},
     "hppfcl": set(),
     "proxsuite": {"control.mpc", "bench"},

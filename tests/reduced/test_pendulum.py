@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,9 +23,10 @@ slopes = st.floats(-1.5, 1.5)
 motor_models = st.sampled_from(["relative", "paper"])
 
 
-def lagrangian_acceleration(parameters: MipParameters, slope: float, state: np.ndarray, u: np.ndarray) -> np.ndarray:
+def lagrangian_acceleration(
+    casadi: Any, parameters: MipParameters, slope: float, state: np.ndarray, u: np.ndarray
+) -> np.ndarray:
     """Euler-Lagrange equations derived symbolically from positions alone (paper, eqs. pos_vectors, lagrangian_2d)."""
-    casadi = pytest.importorskip("casadi")
     q, qd = casadi.SX.sym("q", 2), casadi.SX.sym("qd", 2)
     c, s = casadi.cos(q[1]), casadi.sin(q[1])
 
@@ -55,9 +58,11 @@ def lagrangian_acceleration(parameters: MipParameters, slope: float, state: np.n
 
 @settings(max_examples=25, deadline=None)
 @given(slope=slopes, state=states, u=inputs, motor_model=motor_models)
-def test_equations_of_motion_follow_from_the_lagrangian(hand_pendulum: MipParameters, slope, state, u, motor_model):
+def test_equations_of_motion_follow_from_the_lagrangian(
+    hand_pendulum: MipParameters, require_peer: Callable[[str], Any], slope, state, u, motor_model
+):
     parameters = hand_pendulum.with_(motor_model=motor_model)
-    expected = lagrangian_acceleration(parameters, slope, state, u)
+    expected = lagrangian_acceleration(require_peer("casadi"), parameters, slope, state, u)
     found = pendulum.acceleration(parameters, slope, state, u)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-8)
 

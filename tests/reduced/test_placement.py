@@ -165,3 +165,32 @@ def test_servo_without_stiffness_cannot_hold(m4: Robot, m4_reduction: Reduction)
     limp = dataclasses.replace(m4, servos=(dataclasses.replace(m4.servos[0], stiffness=0.0), *m4.servos[1:]))
     with pytest.raises(RobotDescriptionError, match="stiffness"):
         holding_torques(limp, m4_reduction, trim)
+
+
+def test_heading_damping_matches_kanes_equations_at_speed(m4: Robot, m4_reduction: Reduction):
+    """A CoM ahead of a rolling axle damps the heading: full model projected on forward, pitch and yaw rates."""
+    trim = select_trim(m4_reduction.parameters, SLOPE, criterion="thrust", thrust=12.0)
+    speed, yaw_rate, step = 0.7, 1e-3, 1e-5
+    rates = np.array([speed, 0.0, yaw_rate])
+
+    def basis(time: float) -> np.ndarray:
+        motion = {"slope": SLOPE, "pitch": trim.pitch, "yaw": yaw_rate * time}
+        names = ("speed", "pitch_rate", "yaw_rate")
+        return np.column_stack([velocity_on_slope(m4, m4_reduction, **motion, **{name: 1.0}) for name in names])
+
+    q = configuration_on_slope(m4, m4_reduction, slope=SLOPE, pitch=trim.pitch)
+    data = m4.model.createData()
+    mass = np.array(pin.crba(m4.model, data, q))
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    n, n_dot = basis(0.0), (basis(step) - basis(-step)) / (2.0 * step)
+    bias = pin.nonLinearEffects(m4.model, data, q, n @ rates)
+    push = planar_input_map(m4, m4_reduction, q) @ [trim.torque, trim.thrust]
+    acceleration = np.linalg.solve(n.T @ mass @ n, n.T @ (push - bias - mass @ n_dot @ rates))
+    moving = heading_dynamics(m4, m4_reduction, slope=SLOPE, pitch=trim.pitch, speed=speed)
+    still = heading_dynamics(m4, m4_reduction, slope=SLOPE, pitch=trim.pitch)
+    of_speed = moving.damping - still.damping
+    assert of_speed > 0.5
+    assert acceleration[2] == pytest.approx(-of_speed * yaw_rate / moving.yaw_inertia, rel=1e-5)
+    # Back-EMF on wheels that turn by d / 2r against each other.
+    spread = 0.5 * moving.track / moving.wheel_radius
+    assert still.damping == pytest.approx(m4_reduction.parameters.back_emf_constant * spread**2)

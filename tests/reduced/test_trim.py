@@ -15,12 +15,12 @@ from m4_dynamics.reduced.equilibrium import equilibrium_loads, equilibrium_pitch
 from m4_dynamics.reduced.ground_force import ground_force_in_slope
 from m4_dynamics.reduced.pendulum import MipParameters
 from m4_dynamics.reduced.power import PowerModel, power_needed
-from m4_dynamics.reduced.trim import TrimLimits, select_trim, trim_at_pitch, trim_branches
+from m4_dynamics.reduced.trim import TrimLimits, keeps_reserves, select_trim, trim_at_pitch, trim_branches
 
 SLOPE = math.radians(45.0)
 
 #: A body that is a disc about the axle, 5 mm smaller than the wheels.
-DISC = 0.12 * np.column_stack([np.cos(np.linspace(0.0, 6.28, 400)), np.sin(np.linspace(0.0, 6.28, 400))])
+DISC = 0.12 * np.column_stack([np.cos(np.linspace(0.0, 6.28, 61)), np.sin(np.linspace(0.0, 6.28, 61))])
 
 
 @pytest.mark.parametrize(
@@ -147,20 +147,26 @@ def test_power_of_one_hovering_rotor():
     assert power_needed(parameters, one, 0.0, 2.0, 3.0) == pytest.approx(2.0 * 3.0 + 4.0 / 0.5)
 
 
-def test_automatic_trim_keeps_its_reserves(hand_pendulum: MipParameters):
-    limits = TrimLimits()
-    for slope_deg in (0.0, 15.0, 30.0, 45.0, 55.0):
+@pytest.mark.parametrize("changes", [{}, {"thrust_margin": 2.0, "friction_fraction": 0.9, "friction_reserve": 0.9}])
+def test_automatic_trim_keeps_its_reserves(hand_pendulum: MipParameters, changes):
+    limits = TrimLimits(**changes)
+    low, high = limits.thrust_range
+    for slope_deg in (0.0, 15.0, 30.0, 45.0):
         trim = select_trim(hand_pendulum, math.radians(slope_deg), limits=limits)
-        assert 2.0 - 1e-6 <= trim.thrust <= 43.2 - 2.0
-        assert trim.friction_needed <= 0.9 * 0.9 * 0.8 + 1e-6
-        assert abs(trim.duty) <= 0.95
+        assert low + limits.thrust_margin - 1e-6 <= trim.thrust <= high - limits.thrust_margin + 1e-6
+        assert trim.friction_needed <= limits.friction_reserve * limits.friction_planned + 1e-6
+        assert abs(trim.duty) <= limits.duty_max - limits.duty_margin
         assert trim.margins.pitch_window > 0.0
-    assert select_trim(hand_pendulum, 0.0, limits=limits).thrust == pytest.approx(2.0)
+        assert keeps_reserves(hand_pendulum, trim, limits)
+        less = trim_branches(hand_pendulum, trim.slope, trim.thrust - 0.01, limits=limits)[0]
+        assert not keeps_reserves(hand_pendulum, less, limits), "the least thrust that keeps them"
 
 
 def test_automatic_trim_falls_back_to_least_friction(hand_pendulum: MipParameters):
     slope = math.radians(60.0)
-    assert select_trim(hand_pendulum, slope) == select_trim(hand_pendulum, slope, criterion="least-friction")
+    fallback = select_trim(hand_pendulum, slope)
+    assert fallback == select_trim(hand_pendulum, slope, criterion="least-friction")
+    assert not keeps_reserves(hand_pendulum, fallback, TrimLimits())
     # Without thrusters there is one member, and it is taken if it can be.
     level = select_trim(hand_pendulum, 0.0, limits=TrimLimits(thrust_range=(0.0, 0.0)))
     assert level.thrust == 0.0
@@ -263,3 +269,53 @@ def test_vertical_wall_without_friction_force_is_explained(hand_pendulum: MipPar
 def test_bad_limits_are_named(changes):
     with pytest.raises(InvalidSettingError, match=next(iter(changes))):
         TrimLimits(**changes)
+
+
+def test_refusal_of_a_given_pitch_speaks_of_that_pitch(hand_pendulum: MipParameters):
+    upright, hanging = trim_branches(hand_pendulum, SLOPE, 14.4)
+    assert upright.within_limits
+    with pytest.raises(NoTrimExists, match=r"at -171\.2 deg of pitch: friction.* and duty.* and pitch window"):
+        select_trim(hand_pendulum, SLOPE, criterion="pitch", pitch=hanging.pitch)
+    with pytest.raises(NoTrimExists, match=r"thrust: -\d+\.\d N is needed, 0 to 43.2 N is there"):
+        select_trim(hand_pendulum, SLOPE, criterion="pitch", pitch=math.radians(30.0))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    slope=st.floats(-1.6, 1.6),
+    friction=st.floats(0.05, 2.0),
+    thrust_max=st.floats(0.0, 80.0),
+    duty_max=st.floats(0.05, 1.0),
+    normal_force_min=st.floats(0.0, 60.0),
+    window=st.tuples(st.floats(-2.0, 0.0), st.floats(0.0, 2.0)),
+    speed=st.floats(-2.0, 2.0),
+    acceleration=st.floats(-3.0, 3.0),
+)
+def test_every_case_ends_in_a_trim_or_a_reason(
+    hand_pendulum: MipParameters,
+    slope,
+    friction,
+    thrust_max,
+    duty_max,
+    normal_force_min,
+    window,
+    speed,
+    acceleration,
+):
+    limits = TrimLimits(
+        friction_static=friction,
+        thrust_range=(0.0, thrust_max),
+        duty_max=duty_max,
+        normal_force_min=normal_force_min,
+        pitch_window=window,
+    )
+    try:
+        trim = select_trim(hand_pendulum, slope, limits=limits, speed=speed, acceleration=acceleration)
+    except NoTrimExists as refusal:
+        missed = ("friction", "thrust", "duty", "normal_force", "pitch_window", "equilibrium")
+        assert refusal.limit in missed  # noqa: PT017
+        assert "nan" not in str(refusal)  # noqa: PT017
+    else:
+        assert trim.within_limits
+        found = pendulum.acceleration(hand_pendulum, slope, trim.state, trim.inputs)
+        np.testing.assert_allclose(found, [acceleration / 0.125, 0.0], atol=1e-6)

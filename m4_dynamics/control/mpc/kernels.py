@@ -13,6 +13,8 @@ because Numba's cache does not notice a change in a callee of another file.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -39,6 +41,7 @@ __all__ = [
     "condense",
     "evaluate",
     "read_out",
+    "solve_unconstrained",
 ]
 
 # Layout of the vector of weights and limits.
@@ -237,6 +240,72 @@ def _constrain(rows: _Array, stage: int, column: int, friction_force: float, nor
     rows[3 * stage, column] = friction_force - mu * normal_force
     rows[3 * stage + 1, column] = -friction_force - mu * normal_force
     rows[3 * stage + 2, column] = -normal_force
+
+
+@njit(cache=True, error_model="numpy")
+def solve_unconstrained(
+    hessian: _Array,
+    gradient: _Array,
+    rows: _Array,
+    rows_upper: _Array,
+    box_lower: _Array,
+    box_upper: _Array,
+    free: int,
+    factor: _Array,
+    solution: _Array,
+) -> bool:
+    """Solve the programme as if nothing constrained it, and see whether that is its solution.
+
+    If the unconstrained optimum satisfies every constraint, it is the optimum. Unknowns from `free` on (the slack) are
+    taken as zero: their cost rises from there, so without active rows they stay at their lower bound.
+
+    Args:
+        hessian: H, shape (m, m).
+        gradient: g, shape (m,).
+        rows: C, shape (r, m).
+        rows_upper: Upper bounds of C z, shape (r,).
+        box_lower: Lower bounds of z, shape (m,).
+        box_upper: Upper bounds of z, shape (m,).
+        free: Number of unknowns that are solved for.
+        factor: Work space, shape (m, m).
+        solution: Out: z, shape (m,); meaningless if it is not the solution.
+
+    Returns:
+        Whether it is the solution.
+    """
+    # Cholesky factor L with its diagonal inverted, and z = -H^-1 g by two substitutions.
+    for i in range(free):
+        for j in range(i + 1):
+            total = hessian[i, j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            if j < i:
+                factor[i, j] = total * factor[j, j]
+            elif total > 0.0:
+                factor[i, i] = 1.0 / math.sqrt(total)
+            else:
+                return False
+    for i in range(free):
+        total = -gradient[i]
+        for k in range(i):
+            total -= factor[i, k] * solution[k]
+        solution[i] = total * factor[i, i]
+    for i in range(free - 1, -1, -1):
+        total = solution[i]
+        for k in range(i + 1, free):
+            total -= factor[k, i] * solution[k]
+        solution[i] = total * factor[i, i]
+        if not box_lower[i] <= solution[i] <= box_upper[i]:
+            return False
+    for i in range(free, gradient.shape[0]):
+        solution[i] = 0.0
+    for i in range(rows.shape[0]):
+        total = 0.0
+        for k in range(free):
+            total += rows[i, k] * solution[k]
+        if total > rows_upper[i]:
+            return False
+    return True
 
 
 @njit(cache=True, error_model="numpy")

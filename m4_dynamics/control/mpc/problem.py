@@ -8,13 +8,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from m4_dynamics.control.lqr import lqr_gain
+from m4_dynamics.control.lqr import trim_feedback
 from m4_dynamics.control.mpc import kernels
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.reference import ReferenceTrajectory
 from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.reduced.linear import discretise_euler
-from m4_dynamics.reduced.pendulum import MipParameters, linearise
+from m4_dynamics.reduced.pendulum import MipParameters
 
 __all__ = ["Problem"]
 
@@ -81,18 +81,21 @@ class Problem:
 
         # One Riccati solution per distinct slope, with the prediction's own discretisation: then the last stage's cost
         # continues the ones before exactly, and without active constraints the MPC is the LQR.
-        samples, slope_index = reference.steadiest_samples()
-        gains, costs = [], []
-        for sample in samples:
-            a, b = linearise(parameters, reference.slope[sample], reference.state[sample], reference.inputs[sample])
-            gain, cost = lqr_gain(
-                *discretise_euler(a, b, settings.time_step), settings.state_weights, settings.input_weights
-            )
-            gains.append(gain)
-            costs.append(cost if settings.terminal_cost == "riccati" else np.diag(settings.state_weights))
-        per_sample = _hold(slope_index, horizon)
-        self.gains: list[_Array] = [gains[index] for index in per_sample]
-        self.terminals: list[_Array] = [costs[index] for index in per_sample]
+        lower, upper = np.transpose([settings.duty_limits, settings.thrust_limits])
+        feedback = trim_feedback(
+            parameters,
+            reference,
+            discretise=discretise_euler,
+            state_weights=settings.state_weights,
+            input_weights=settings.input_weights,
+            input_ranges=upper - lower,
+        )
+        last_weights = list(feedback.costs)
+        if settings.terminal_cost == "none":
+            last_weights = [np.diag(settings.state_weights)] * len(last_weights)
+        per_sample = _hold(feedback.slope_index, horizon)
+        self.gains: list[_Array] = [feedback.gains[index] for index in per_sample]
+        self.terminals: list[_Array] = [last_weights[index] for index in per_sample]
 
 
 _Samples = TypeVar("_Samples", NDArray[np.float64], NDArray[np.intp])

@@ -37,7 +37,7 @@ class MpcSettings:
             at 45 deg slides a wheel; 0.8 does not.
         normal_force_min: Least normal force that the plan keeps [N].
         duty_limits: Hard bounds of the motor duty.
-        thrust_limits: Hard bounds of the thrust [N].
+        thrust_limits: Hard bounds of the thrust [N]; (0, 0) for a robot without thrusters.
         slack_weight: Cost of one newton of violation of the ground constraints [1/N]. The penalty is exact: while the
             sum of the constraints' multipliers stays below it, the plan violates nothing that it could satisfy. The
             default is exact for disturbances up to some 5 deg of pitch and yields to larger ones, into the friction
@@ -47,7 +47,7 @@ class MpcSettings:
         sqp_iterations: Linearisations per control step; 1 is the real-time iteration.
         sqp_tolerance: With more than one, stop when the step is below this (in units of half an input's range).
         solver_tolerance: Absolute tolerance of the QP solver.
-        solver_iterations: Cap of ProxQP's outer iterations.
+        solver_iterations: Cap of ProxQP's outer iterations; 11 are the most that a cold start was seen to need.
         solver_inner_iterations: Cap of ProxQP's inner iterations per outer one.
         plan_age_max: After a failed optimisation, samples for which the last good plan is followed before the saturated
             LQR takes over. The plan is open loop on an unstable robot: keep it short.
@@ -70,8 +70,8 @@ class MpcSettings:
     sqp_iterations: int = 1
     sqp_tolerance: float = 1e-8
     solver_tolerance: float = 1e-6
-    solver_iterations: int = 60
-    solver_inner_iterations: int = 60
+    solver_iterations: int = 20
+    solver_inner_iterations: int = 30
     plan_age_max: int = 2
 
     @classmethod
@@ -123,8 +123,8 @@ class MpcSettings:
         _require_weights("input_weights", self.input_weights, length=2, positive=True)
         for name in ("duty_limits", "thrust_limits"):
             limits = getattr(self, name)
-            if len(limits) != 2 or not all(map(math.isfinite, limits)) or not limits[0] < limits[1]:
-                raise InvalidSettingError(name, limits, "(lower, upper), finite, lower < upper")
+            if len(limits) != 2 or not all(map(math.isfinite, limits)) or not limits[0] <= limits[1]:
+                raise InvalidSettingError(name, limits, "(lower, upper), finite, lower <= upper")
         if not math.isfinite(self.normal_force_min):
             raise InvalidSettingError("normal_force_min", self.normal_force_min, "a finite force [N]")
         for name, valid in (("input_reference", get_args(InputReference)), ("terminal_cost", get_args(TerminalCost))):

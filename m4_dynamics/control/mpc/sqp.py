@@ -76,6 +76,7 @@ class SqpOptimiser:
         self._problem = problem
         self.qp = QuadraticProgramme(
             variables=2 * n + 1 if constrained else 2 * n,
+            slacks=1 if constrained else 0,
             rows=3 * n if constrained else 0,
             tolerance=settings.solver_tolerance,
             iterations=settings.solver_iterations,

@@ -77,8 +77,8 @@ def _shape_points(shape: pin.GeometryObject) -> _Array:
         ball = geometry.radius * _ball()
         return np.vstack([ball + offset, ball - offset])
     if isinstance(geometry, coal.BVHModelBase):
-        vertices = np.array([geometry.vertex(index) for index in range(geometry.num_vertices)])
-        return np.asarray(vertices * shape.meshScale)
+        # The vertices come scaled from the loader; `meshScale` is only a record of it.
+        return np.array([geometry.vertex(index) for index in range(geometry.num_vertices)])
     # Any other shape is taken as its bounding box, which can only make the clearance look smaller.
     geometry.computeLocalAABB()
     return _box_corners(np.asarray(geometry.aabb_local.min_), np.asarray(geometry.aabb_local.max_))

@@ -1,4 +1,4 @@
-"""The state that every stepper starts from in a comparison: the robot at rest on level ground, on its wheels."""
+"""The robot at rest on level ground, on its wheels or whatever reaches lowest."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["joint_angles", "standing_configuration"]
 
 
 def standing_configuration(robot: Robot, posture: str | None = None) -> NDArray[np.float64]:
-    """Configuration with the base level and the lowest wheel, a thin disc, touching the ground z = 0.
+    """Configuration with the base level and the lowest wheel or contact point touching the ground z = 0.
 
     A simulator that takes a wheel's width into account finds tilted wheels pressed into the ground.
 
@@ -47,6 +47,9 @@ def standing_configuration(robot: Robot, posture: str | None = None) -> NDArray[
         # The rim of a tilted disc reaches less far down.
         reach = wheel.radius * math.sqrt(max(0.0, 1.0 - axis_in_world[2] ** 2))
         lowest = min(lowest, placement.translation[2] - reach)
+    for point in robot.contact_points:
+        position_in_world = data.oMi[point.joint_id].act(np.asarray(point.position_in_joint))
+        lowest = min(lowest, float(position_in_world[2]))
     q[2] = -lowest
     return np.asarray(q)
 
