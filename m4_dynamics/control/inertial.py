@@ -131,6 +131,7 @@ class InertialEstimator:
         travel = np.cross(self._rotation[:, 1], (-math.sin(self.slope), 0.0, math.cos(self.slope)))
         self._velocity[:] = self.wheel_radius * wheel_rate * travel + self._rotation @ np.cross(rate, self._sensor)
         self._read_out(rate, relative)
+        self._estimate[kernels.HEADING] = heading
 
     def relocate(self, measurement: ArrayLike, *, wheel_angle: float, heading: float) -> None:
         """Tell the odometry its place anew in the middle of a run; level, speed and the gyro's offset stay.
@@ -141,16 +142,16 @@ class InertialEstimator:
             heading: Heading there, positive left of uphill [rad].
         """
         values = np.asarray(measurement, dtype=float)
-        relative = [
-            sign * values[10 + wheel] for sign, wheel in zip(self.wheel_signs, self.drive_wheels, strict=True)
-        ]
-        turn = np.empty((3, 3))
-        normal = np.array([-math.sin(self.slope), 0.0, math.cos(self.slope)])
-        kernels.rotation_of((heading - self.heading) * normal, turn)
-        for array in (self._rotation, self._velocity, self._drift):
-            array[:] = turn @ array
+        relative = [sign * values[10 + wheel] for sign, wheel in zip(self.wheel_signs, self.drive_wheels, strict=True)]
+        if math.isnan(values[0]):
+            turn = np.empty((3, 3))
+            normal = np.array([-math.sin(self.slope), 0.0, math.cos(self.slope)])
+            kernels.rotation_of((heading - self.heading) * normal, turn)
+            for array in (self._rotation, self._velocity, self._drift):
+                array[:] = turn @ array
         self._zero[:] = relative[0] + self.pitch - wheel_angle, relative[1] + self.pitch - wheel_angle, heading
         self._read_out(self._previous[:3], (relative[0], relative[1]))
+        self._estimate[kernels.HEADING] = heading
 
     def _prepare(self, given: bool) -> None:
         """Variances of one sample, and of the start."""
