@@ -29,8 +29,8 @@ __all__ = ["InertialEstimator"]
 
 Array = NDArray[np.float64]
 
-#: What odometry leaves open at every sample, beside the encoder's counts: give of legs and tyres, roughness of the
-#: ground; standard deviation [m] (assumed).
+#: What the odometry of one wheel leaves open at every sample, beside the encoder's counts: give of legs and tyres,
+#: roughness of the ground; standard deviation [m] (assumed).
 ODOMETRY_NOISE = 5e-4
 
 
@@ -112,12 +112,12 @@ class InertialEstimator:
         """
         values = np.array(measurement, dtype=float)
         given = bool(np.isfinite(values[:4]).all())
-        self._prepare(given)
         rate, force = self.axes_in_base @ values[4:7], self.axes_in_base @ values[7:10]
         if given:
             kernels.attitude(values, self.axes_in_base, self._rotation)
         else:
             kernels.level(force, heading, self.slope, self._rotation)
+        self._prepare(given)
         left, right = self.drive_wheels
         relative = self.wheel_signs[0] * values[10 + left], self.wheel_signs[1] * values[10 + right]
         pitch = math.atan2(-self._rotation[2, 0], self._rotation[2, 2])
@@ -128,8 +128,8 @@ class InertialEstimator:
         self._drift[:] = self._rotation @ self._sensor
         joint_rates = values[10 + self.wheels + left], values[10 + self.wheels + right]
         wheel_rate = 0.5 * float(np.dot(self.wheel_signs, joint_rates)) + float(rate[1])
-        travel = np.cross(self._rotation[:, 1], (-math.sin(self.slope), 0.0, math.cos(self.slope)))
-        self._velocity[:] = self.wheel_radius * wheel_rate * travel + self._rotation @ np.cross(rate, self._sensor)
+        swing = self._rotation @ np.cross(rate, self._sensor)
+        self._velocity[:] = self.wheel_radius * wheel_rate * self._travel() + swing
         self._read_out(rate, relative)
         self._estimate[kernels.HEADING] = heading
 
@@ -144,11 +144,12 @@ class InertialEstimator:
         values = np.asarray(measurement, dtype=float)
         relative = [sign * values[10 + wheel] for sign, wheel in zip(self.wheel_signs, self.drive_wheels, strict=True)]
         if math.isnan(values[0]):
-            turn = np.empty((3, 3))
-            normal = np.array([-math.sin(self.slope), 0.0, math.cos(self.slope)])
-            kernels.rotation_of((heading - self.heading) * normal, turn)
-            for array in (self._rotation, self._velocity, self._drift):
-                array[:] = turn @ array
+            # The vertical is known from inside, so the body turns about it.
+            before = self._rotation.copy()
+            kernels.level(before[2], heading, self.slope, self._rotation)
+            turn = self._rotation @ before.T
+            self._velocity[:] = turn @ self._velocity
+            self._drift[:] = turn @ self._drift
         self._zero[:] = relative[0] + self.pitch - wheel_angle, relative[1] + self.pitch - wheel_angle, heading
         self._read_out(self._previous[:3], (relative[0], relative[1]))
         self._estimate[kernels.HEADING] = heading
@@ -166,21 +167,37 @@ class InertialEstimator:
         design[kernels.BIAS_STEP_VARIANCE] = 0.0 if given else errors.gyro_bias_walk**2 * dt
         # The accelerometer's offset turns with the body: it is as good as new after a second.
         design[kernels.VERTICAL_BIAS_STEP_VARIANCE] = errors.accelerometer_bias**2 * dt
-        design[kernels.TRAVEL_VARIANCE] = 0.5 * radius**2 * count + ODOMETRY_NOISE**2
+        design[kernels.TRAVEL_VARIANCE] = 0.5 * (radius**2 * count + ODOMETRY_NOISE**2)
         design[kernels.SIDEWAYS_VARIANCE] = ODOMETRY_NOISE**2
-        design[kernels.HEADING_VARIANCE] = (2.0 * radius**2 * count + 2.0 * ODOMETRY_NOISE**2) / self.track**2
+        design[kernels.HEADING_VARIANCE] = 2.0 * (radius**2 * count + ODOMETRY_NOISE**2) / self.track**2
         design[kernels.WHEEL_RADIUS], design[kernels.TRACK] = radius, self.track
         design[kernels.GRAVITY], design[kernels.PERIOD] = self.gravity, dt
         tilt = 0.0 if given else (acceleration / self.gravity) ** 2 + (errors.accelerometer_bias / self.gravity) ** 2
         bias = 0.0 if given else errors.gyro_bias**2
-        place = design[kernels.TRAVEL_VARIANCE]
-        # Speed from one difference of counts, and from the gyro's swing of the sensor about the axle.
-        speed = count * (radius / dt) ** 2 + (rate**2 + bias) * float(self._sensor @ self._sensor)
-        self._longitudinal[:] = np.diag([place, speed, tilt, bias])
-        # A heading told on a slope is as good as the level that it is combined with.
-        turn = tilt * math.tan(self.slope) ** 2 + (0.0 if given else design[kernels.HEADING_VARIANCE])
-        self._lateral[:] = np.diag([place, speed, tilt, turn, bias, bias])
-        self._vertical[:] = np.diag([place, speed, errors.accelerometer_bias**2 + acceleration**2])
+        turn = 0.0 if given else design[kernels.HEADING_VARIANCE]
+        speed = count * (radius / dt) ** 2
+        sensor = self._rotation @ self._sensor
+        left = self._rotation[:2, 1] / math.hypot(*self._rotation[:2, 1])
+        ahead = float(sensor[0] * left[1] - sensor[1] * left[0])
+        normal_ahead, normal_up = -math.sin(self.slope) * float(left[1]), math.cos(self.slope)
+        travel_ahead = float(self._travel()[:2] @ (left[1], -left[0]))
+        # Where the first sample puts the sensor follows from its tilt, and its speed from the gyro: place = -H tilt,
+        # speed = H offset, in the lateral filter with the turn that the told heading leaves open.
+        arm = -(radius * travel_ahead + float(sensor[2]))
+        start = np.array([[1.0, 0.0, -arm, 0.0], [0.0, 1.0, 0.0, arm], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+        self._longitudinal[:] = start @ np.diag([design[kernels.TRAVEL_VARIANCE], speed, tilt, bias]) @ start.T
+        start = np.eye(6)
+        start[3, 2:4] = -normal_ahead / normal_up, 1.0 / normal_up
+        start[0] += -float(sensor[2]) * start[2] + ahead * start[3]
+        start[1] += float(sensor[2]) * start[4] - ahead * start[5]
+        self._lateral[:] = start @ np.diag([design[kernels.SIDEWAYS_VARIANCE], speed, tilt, turn, bias, bias]) @ start.T
+        self._vertical[:] = np.diag(
+            [design[kernels.TRAVEL_VARIANCE], speed, errors.accelerometer_bias**2 + acceleration**2]
+        )
+
+    def _travel(self) -> Array:
+        """Direction of travel: lateral axis x slope normal, in the world, shape (3,)."""
+        return np.cross(self._rotation[:, 1], (-math.sin(self.slope), 0.0, math.cos(self.slope)))
 
     def update(self, measurement: Array) -> Array:
         """Estimate from the next measurement.

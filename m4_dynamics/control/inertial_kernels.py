@@ -77,12 +77,11 @@ def multiply(a: Any, b: Any, out: Any) -> None:
 @njit(cache=True)
 def orthonormalise(rotation: Any) -> None:
     """Take rounding out of a rotation matrix: rows 0 and 2 made unit and normal to each other, row 1 their product."""
-    overlap = 0.0
-    for j in range(3):
-        overlap += rotation[2, j] * rotation[0, j]
-    for j in range(3):
-        rotation[0, j] -= overlap * rotation[2, j]
-    for i in (0, 2):
+    for i in (2, 0):
+        if i == 0:
+            overlap = rotation[2, 0] * rotation[0, 0] + rotation[2, 1] * rotation[0, 1] + rotation[2, 2] * rotation[0, 2]
+            for j in range(3):
+                rotation[0, j] -= overlap * rotation[2, j]
         length = math.sqrt(rotation[i, 0] ** 2 + rotation[i, 1] ** 2 + rotation[i, 2] ** 2)
         for j in range(3):
             rotation[i, j] /= length
@@ -181,7 +180,7 @@ def correct(covariance: Any, observation: Any, variance: float, innovation: floa
 
 
 @njit(cache=True)
-def restart(covariance: Any, place_variance: float, slid: float, period: float) -> None:
+def restart(covariance: Any, observation: Any, place_variance: float, slid: float, period: float) -> None:
     """After an outlier: the place is the odometer's, the speed may be wrong by as much as it slid, the rest stands.
 
     Place and speed no longer say anything about tilt and offsets, so a sliding wheel does not turn the vertical. If it
@@ -189,15 +188,24 @@ def restart(covariance: Any, place_variance: float, slid: float, period: float) 
 
     Args:
         covariance: P, shape (n, n); position and velocity first.
+        observation: H of the place, 1 in the position's entry, shape (n,).
         place_variance: Variance of the odometer's place in one sample [m^2].
         slid: The outlier [m].
         period: Time between samples [s].
     """
+    n = covariance.shape[0]
     speed_variance = covariance[1, 1] + (slid / period) ** 2
     covariance[:2, :] = 0.0
     covariance[:, :2] = 0.0
-    covariance[0, 0] = place_variance
     covariance[1, 1] = speed_variance
+    # The place agrees with what is expected of it, so it is wrong by as much as the tilt makes that wrong: H x = noise.
+    covariance[0, 0] = place_variance
+    for i in range(2, n):
+        for j in range(2, n):
+            covariance[0, i] -= observation[j] * covariance[j, i]
+        covariance[i, 0] = covariance[0, i]
+    for i in range(2, n):
+        covariance[0, 0] -= observation[i] * covariance[0, i]
 
 
 @njit(cache=True)
@@ -211,6 +219,8 @@ def longitudinal_model(design: Any, arm: float, transition: Any, noise: Any, obs
     _chain(design, transition, noise)
     transition[0, 2], transition[1, 2] = 0.5 * g * dt * dt, g * dt
     transition[2, 3] = -dt
+    # The attitude turns before it is used, so the offset acts within the sample already.
+    transition[0, 3], transition[1, 3] = -0.5 * g * dt**3, -g * dt * dt
     noise[2, 2] = design[RATE_VARIANCE] * dt * dt
     noise[3, 3] = design[BIAS_STEP_VARIANCE]
     observation[:] = 0.0
@@ -232,6 +242,7 @@ def lateral_model(
     transition[0, 2], transition[1, 2] = -0.5 * g * dt * dt, -g * dt
     transition[0, 2] -= speed * dt * normal_ahead
     transition[0, 3] = -speed * dt * normal_up
+    transition[0, 4], transition[1, 4] = 0.5 * g * dt**3, g * dt * dt
     transition[2, 4] = transition[3, 5] = -dt
     noise[2, 2] = noise[3, 3] = design[RATE_VARIANCE] * dt * dt
     noise[4, 4] = noise[5, 5] = design[BIAS_STEP_VARIANCE]
@@ -346,11 +357,11 @@ def navigate(
     place_ahead = place[0] * ahead_x + place[1] * ahead_y
 
     transition, noise = np.empty((4, 4)), np.empty((4, 4))
-    observation = np.empty(4)
+    along_model = np.empty(4)
     error_long = np.zeros(4)
-    longitudinal_model(design, radius * travel_ahead + place[2], transition, noise, observation)
+    longitudinal_model(design, radius * travel_ahead + place[2], transition, noise, along_model)
     predict(longitudinal, transition, noise)
-    slid_along = correct(longitudinal, observation, design[TRAVEL_VARIANCE], along, error_long)
+    slid_along = correct(longitudinal, along_model, design[TRAVEL_VARIANCE], along, error_long)
 
     transition, noise = np.empty((6, 6)), np.empty((6, 6))
     observations = np.empty((2, 6))
@@ -372,11 +383,11 @@ def navigate(
 
     # What cannot be noise is the odometer's fault: its place and its heading start anew from where the robot is.
     if slid_along != 0.0:
-        restart(longitudinal, design[TRAVEL_VARIANCE], slid_along, dt)
+        restart(longitudinal, along_model, design[TRAVEL_VARIANCE], slid_along, dt)
     if slid_sideways != 0.0:
-        restart(lateral, design[SIDEWAYS_VARIANCE], slid_sideways, dt)
+        restart(lateral, observations[0], design[SIDEWAYS_VARIANCE], slid_sideways, dt)
     if slid_up != 0.0:
-        restart(vertical, design[TRAVEL_VARIANCE], slid_up, dt)
+        restart(vertical, observation, design[TRAVEL_VARIANCE], slid_up, dt)
 
     # Take the estimated errors out.
     drift[0] += ahead_x * (error_long[0] + slid_along) + left_x * (error_lat[0] + slid_sideways)
