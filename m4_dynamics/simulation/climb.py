@@ -50,6 +50,8 @@ CONTROLLERS: tuple[str, ...] = get_args(ControllerName)
 #: The heading's closed loop: natural frequency [rad/s], above the fastest growth on any slope, and damping ratio.
 HEADING_FREQUENCY = 6.0
 HEADING_DAMPING_RATIO = 1.0
+#: Pole of the heading's integral [1/s]: well below the others, it stands against constant moments alone.
+HEADING_INTEGRAL_FREQUENCY = 2.0
 #: The idle wheels are shorted, so that they do not spin [N m s/rad].
 IDLE_WHEEL_BRAKE = 10.0
 #: Imperfect sensors are awake for this long before the robot is let go [s].
@@ -190,7 +192,7 @@ def make_controller(
 
 
 def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> HeadingHold:
-    """Heading hold with both poles placed at the trim.
+    """Heading hold with its poles placed at the trim.
 
     Args:
         robot: The robot.
@@ -201,7 +203,7 @@ def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> Heading
         The controller.
     """
     dynamics = heading_dynamics(robot, reduction, slope=trim.slope, pitch=trim.pitch, speed=trim.speed)
-    gain_yaw, gain_rate = heading_gains(
+    gains = heading_gains(
         yaw_inertia=dynamics.yaw_inertia,
         track=dynamics.track,
         wheel_radius=dynamics.wheel_radius,
@@ -210,8 +212,9 @@ def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> Heading
         back_emf_constant=reduction.parameters.back_emf_constant,
         natural_frequency=HEADING_FREQUENCY,
         damping_ratio=HEADING_DAMPING_RATIO,
+        integral_frequency=HEADING_INTEGRAL_FREQUENCY,
     )
-    return HeadingHold(gain_yaw=gain_yaw, gain_rate=gain_rate)
+    return HeadingHold(gains=gains)
 
 
 def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
