@@ -272,6 +272,8 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         penetration=sinking,
     )
     measurement = plant.reset(configuration)
+    # It stands there balanced: its rotors turn already.
+    plant.stepper.actuation.thrust[:] = errors.thrust_scale * reference.inputs[0, 1] * reduction.thrust_shares
     if settings.posture_compensation:
         plant.command.servo_targets += holding_torques(robot, reduction, trim).sag
     wheels = drive_wheels(robot, reduction.frame)
