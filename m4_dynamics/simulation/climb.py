@@ -34,6 +34,7 @@ from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.balance import BalanceLoop, balance_estimator, drive_wheels
 from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
+from m4_dynamics.simulation.plant_errors import PlantErrors, perturbed_robot
 from m4_dynamics.simulation.recorder import Recorder
 from m4_dynamics.simulation.trajectory import build_trajectory
 from m4_dynamics.simulation.verdict import ClimbSummary, StepTimes, Verdict, summarise_climb
@@ -77,6 +78,7 @@ class ClimbSettings:
         control_period: [s].
         posture_compensation: Whether the servos are told the trim's holding torques, so that the legs do not sag.
         fidelity: What sets actuators and sensors apart from the paper's ideal ones; the default is nothing.
+        plant_errors: How the simulated robot differs from the one that the controllers know.
     """
 
     slope: float
@@ -92,6 +94,7 @@ class ClimbSettings:
     control_period: float = 5e-3
     posture_compensation: bool = True
     fidelity: Fidelity = field(default_factory=Fidelity)
+    plant_errors: PlantErrors = field(default_factory=PlantErrors)
 
     def __post_init__(self) -> None:
         limits: dict[str, tuple[float, float]] = {
@@ -246,12 +249,14 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
     heading_hold = make_heading_hold(robot, reduction, trim)
     distance = abs(parameters.wheel_radius * float(np.ptp(reference.state[:, 0])))
     terrain = ramp_terrain(settings.slope, flat_before=1.5, length=settings.start_position + distance + 1.5)
-    ground = dataclasses.replace(robot.ground, friction_static=friction)
+    errors = settings.plant_errors
+    ground = errors.applied_to(dataclasses.replace(robot.ground, friction_static=friction))
     plant = Plant(
-        FullModel.build(robot, terrain, ground=ground),
+        FullModel.build(perturbed_robot(robot, errors), terrain, ground=ground),
         control_period=settings.control_period,
         time_step=settings.time_step,
         fidelity=settings.fidelity,
+        thrust_scale=errors.thrust_scale,
     )
     sinking = trim.normal_force / (2.0 * ground.stiffness)
     configuration = configuration_on_slope(

@@ -41,6 +41,7 @@ class Plant:
         control_period: Time between two measurements [s].
         time_step: Integration step; a whole number of them must fit into the control period [s].
         fidelity: What sets actuators and sensors apart from ideal ones; the default is nothing.
+        thrust_scale: Thrust given over thrust commanded; other than 1 is an error that no controller knows of.
         command: What the actuators are told until it is written anew: servo targets, duties, brakes, thrusts, a push.
         stepper: The integrator, with the state, contact forces, counters, and what the actuators do.
         measurement: The last measurement as a flat array, shape (10 + 2 wheels,); see `measurement_now`.
@@ -51,6 +52,7 @@ class Plant:
     control_period: float = 5e-3
     time_step: float = 1e-3
     fidelity: Fidelity = field(default_factory=Fidelity)
+    thrust_scale: float = 1.0
     command: Actuation = field(init=False)
     stepper: ImplicitStepper = field(init=False)
     measurement: Array = field(init=False)
@@ -75,7 +77,7 @@ class Plant:
             and fidelity.battery is None
             and not rotor_time_constants(self.model, fidelity).any()
         )
-        self._actuators = None if acts_at_once else Actuators(self.model, fidelity, self.time_step)
+        self._actuators = None if acts_at_once else Actuators(self.model, fidelity, self.time_step, self.thrust_scale)
         self.sensors = None if fidelity.senses_exactly else Sensors(fidelity, self.control_period)
         self._exact = np.zeros(IMU_ENTRIES + 2 * len(self.model.robot.wheels))
         self.reset(self.stepper.configuration)
@@ -157,8 +159,9 @@ class Plant:
         actuation = stepper.actuation
         if actuators is None:
             drive_at_once(
-                command.wheel_duty, command.thrust, self._thrust_limit, actuation.wheel_duty, actuation.thrust
-            )
+                command.wheel_duty, command.thrust, self._thrust_limit, self.thrust_scale, actuation.wheel_duty,
+                actuation.thrust,
+            )  # fmt: skip
             stepper.step(self._substeps)
         else:
             wanted = actuators.take(command)
