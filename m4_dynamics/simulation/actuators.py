@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 def drive_at_once(
     duty_command: Any, thrust_command: Any, thrust_limit: Any, thrust_scale: float, duty: Any, thrust: Any
 ) -> None:
-    """Ideal actuators: duties limited to [-1, 1], thrusts to what the thrusters give."""
+    """Ideal actuators: duties limited to [-1, 1], thrusts to what the thrusters give (times an error of theirs)."""
     for i in range(duty.shape[0]):
         duty[i] = min(1.0, max(-1.0, duty_command[i]))
     for i in range(thrust.shape[0]):
@@ -79,7 +79,7 @@ def _advance(
         wheel_motor: Stall torque and back-EMF constant, shape (wheels, 2) [N m, N m s].
         wheel_limits: Torque and speed limit, shape (wheels, 2) [N m, rad/s].
         thrust_limit: Largest thrusts [N].
-        thrust_scale: Thrust given over thrust commanded.
+        thrust_scale: Thrust given over thrust asked for.
         rotor_share: Part of its way that each rotor goes in one step.
         servo_stride: Largest change of each servo's target in one step [rad].
         duty: Overwritten: what acts on the motors.
@@ -108,7 +108,7 @@ class Actuators:
         model: The full model that they act on.
         fidelity: Which imperfections.
         time_step: Integration step [s].
-        thrust_scale: Thrust given over thrust commanded.
+        thrust_scale: Thrust given over thrust asked for, an error of every thruster.
         supply: The battery in use, or None.
     """
 

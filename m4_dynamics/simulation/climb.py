@@ -77,8 +77,8 @@ class ClimbSettings:
         time_step: Integration step of the full model [s].
         control_period: [s].
         posture_compensation: Whether the servos are told the trim's holding torques, so that the legs do not sag.
-        fidelity: What sets actuators and sensors apart from the paper's ideal ones; the default is nothing.
         plant_errors: How the simulated robot differs from the one that the controllers know.
+        fidelity: What sets actuators and sensors apart from the paper's ideal ones; the default is nothing.
     """
 
     slope: float
@@ -93,8 +93,8 @@ class ClimbSettings:
     time_step: float = 1e-3
     control_period: float = 5e-3
     posture_compensation: bool = True
-    fidelity: Fidelity = field(default_factory=Fidelity)
     plant_errors: PlantErrors = field(default_factory=PlantErrors)
+    fidelity: Fidelity = field(default_factory=Fidelity)
 
     def __post_init__(self) -> None:
         limits: dict[str, tuple[float, float]] = {
@@ -255,8 +255,8 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         FullModel.build(perturbed_robot(robot, errors), terrain, ground=ground),
         control_period=settings.control_period,
         time_step=settings.time_step,
-        fidelity=settings.fidelity,
         thrust_scale=errors.thrust_scale,
+        fidelity=settings.fidelity,
     )
     sinking = trim.normal_force / (2.0 * ground.stiffness)
     configuration = configuration_on_slope(

@@ -40,8 +40,8 @@ class Plant:
         model: The full model; its terrain and ground law are the plant's.
         control_period: Time between two measurements [s].
         time_step: Integration step; a whole number of them must fit into the control period [s].
-        fidelity: What sets actuators and sensors apart from ideal ones; the default is nothing.
         thrust_scale: Thrust given over thrust commanded; other than 1 is an error that no controller knows of.
+        fidelity: What sets actuators and sensors apart from ideal ones; the default is nothing.
         command: What the actuators are told until it is written anew: servo targets, duties, brakes, thrusts, a push.
         stepper: The integrator, with the state, contact forces, counters, and what the actuators do.
         measurement: The last measurement as a flat array, shape (10 + 2 wheels,); see `measurement_now`.
@@ -51,8 +51,8 @@ class Plant:
     model: FullModel
     control_period: float = 5e-3
     time_step: float = 1e-3
-    fidelity: Fidelity = field(default_factory=Fidelity)
     thrust_scale: float = 1.0
+    fidelity: Fidelity = field(default_factory=Fidelity)
     command: Actuation = field(init=False)
     stepper: ImplicitStepper = field(init=False)
     measurement: Array = field(init=False)
@@ -159,9 +159,13 @@ class Plant:
         actuation = stepper.actuation
         if actuators is None:
             drive_at_once(
-                command.wheel_duty, command.thrust, self._thrust_limit, self.thrust_scale, actuation.wheel_duty,
+                command.wheel_duty,
+                command.thrust,
+                self._thrust_limit,
+                self.thrust_scale,
+                actuation.wheel_duty,
                 actuation.thrust,
-            )  # fmt: skip
+            )
             stepper.step(self._substeps)
         else:
             wanted = actuators.take(command)
