@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from m4_dynamics.control.controller import BalanceController
+from m4_dynamics.control.delay import DelayCompensator
 from m4_dynamics.control.heading import HeadingHold, heading_gains
 from m4_dynamics.control.lqr import LqrController
 from m4_dynamics.control.mpc.controller import MpcController
@@ -249,6 +250,15 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         parameters, settings.slope, trim, speed=settings.speed, duration=settings.duration, dt=settings.control_period
     )
     controller = make_controller(settings.controller, reduction, reference, friction_static=friction)
+    if settings.fidelity.control_delay:
+        lags = settings.fidelity.rotor_time_constants(robot)[reduction.thrust_shares > 0.0]
+        controller = DelayCompensator(
+            controller,
+            parameters,
+            reference,
+            delay=settings.fidelity.control_delay,
+            rotor_time_constant=float(lags.max(initial=0.0)),
+        )
     heading_hold = make_heading_hold(robot, reduction, trim)
     distance = abs(parameters.wheel_radius * float(np.ptp(reference.state[:, 0])))
     terrain = ramp_terrain(settings.slope, flat_before=1.5, length=settings.start_position + distance + 1.5)
