@@ -58,11 +58,15 @@ _PUBLIC: dict[str, str] = {
     # simulation
     "ClimbSettings": "m4_dynamics.simulation.climb",
     "Plant": "m4_dynamics.simulation.plant",
-    "SensorModel": "m4_dynamics.simulation.sensors",
+    "Fidelity": "m4_dynamics.simulation.fidelity",
     "load_trajectory": "m4_dynamics.simulation.trajectory",
     "prepare_climb": "m4_dynamics.simulation.climb",
     "run_climb": "m4_dynamics.simulation.climb",
     "save_trajectory": "m4_dynamics.simulation.trajectory",
+    # missions
+    "Mission": "m4_dynamics.mission.schema",
+    "load_mission": "m4_dynamics.mission.loading",
+    "run_mission": "m4_dynamics.mission.runner",
     # view
     "plot_ground_forces": "m4_dynamics.view.plots",
     "plot_states": "m4_dynamics.view.plots",
