@@ -137,9 +137,7 @@ def draw_rover_comparison(comparisons: Sequence[RoverComparison], robot: Robot) 
         axes.set_title(
             f"{math.degrees(slope):g}°, friction {cases[0].friction_static:g}", loc="left", size=11, color=INK
         )
-        axes.text(
-            0.0, 0.98, _verdicts(cases[0]), transform=axes.transAxes, size=9.5, color=INK, va="top", linespacing=1.5
-        )
+        axes.text(1.0, 0.0, _verdicts(cases[0]), transform=axes.transAxes, size=9.5, color=INK, ha="right", va="bottom")
         _draw_ways(figure.add_subplot(grid[1, column]), cases, first=column == 0)
     limits = comparisons[0].rover.limits
     subtitle = (
@@ -190,5 +188,5 @@ def _draw_ways(axes: Axes, cases: Sequence[RoverComparison], *, first: bool) -> 
     dress_axes(axes, title="Way up the slope", ylabel="from its foot [m]" if first else "",
                xlabel="way that the wheels rolled [m]")  # fmt: skip
     axes.set_xlim(-0.1, 3.0)
-    axes.set_ylim(-0.6, 2.9)
+    axes.set_ylim(-0.6, 3.4)
     axes.legend(loc="upper right", fontsize=7.5, frameon=False)
