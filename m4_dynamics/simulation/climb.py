@@ -233,7 +233,16 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         RobotDescriptionError: The robot cannot balance.
         InvalidSettingError: The durations do not fit together.
     """
-    reduction = reduce_robot(robot)
+    # The controllers know the rotors' lag, whether it is the robot's own or the fidelity's: a state of their model.
+    lags = settings.fidelity.rotor_time_constants(robot)
+    known = dataclasses.replace(
+        robot,
+        thrusters=tuple(
+            dataclasses.replace(thruster, time_constant=float(lag))
+            for thruster, lag in zip(robot.thrusters, lags, strict=True)
+        ),
+    )
+    reduction = reduce_robot(known)
     parameters = reduction.parameters
     friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
     planned = MpcSettings(friction_static=friction).friction_fraction
@@ -251,13 +260,12 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
     )
     controller = make_controller(settings.controller, reduction, reference, friction_static=friction)
     if settings.fidelity.control_delay:
-        lags = settings.fidelity.rotor_time_constants(robot)[reduction.thrust_shares > 0.0]
         controller = DelayCompensator(
             controller,
             parameters,
             reference,
             delay=settings.fidelity.control_delay,
-            rotor_time_constant=float(lags.max(initial=0.0)),
+            rotor_time_constant=parameters.thrust_time_constant,
         )
     heading_hold = make_heading_hold(robot, reduction, trim)
     distance = abs(parameters.wheel_radius * float(np.ptp(reference.state[:, 0])))
