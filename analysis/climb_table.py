@@ -15,34 +15,37 @@ from m4_dynamics.view.tables import cell, make_console, make_table, print_note, 
 
 if TYPE_CHECKING:
     from m4_dynamics.robot.robot import Robot
-    from m4_dynamics.simulation.climb import ControllerName
+    from m4_dynamics.simulation.climb import ClimbResult, ControllerName
     from m4_dynamics.simulation.verdict import ClimbSummary
 
 COLUMNS = (
     "slope [deg]", "start [deg]", "verdict", "fastest slip [mm/s]", "slid [mm]", "wheel RMS [mm]", "pitch RMS [deg]",
-    "heading [deg]", "force RMS [%]", "steady cost", "real-time factor", "paper's cost", "paper's verdict",
+    "heading [deg]", "force RMS [%]", "cost", "paper's cost", "with the paper's", "real-time factor",
 )  # fmt: skip
 
 
 def climb(
     robot: Robot, slope_deg: float, pitch_error_deg: float, controller: ControllerName, friction: float | None
-) -> ClimbSummary:
-    """One climb's summary."""
+) -> ClimbResult:
+    """One climb."""
     settings = ClimbSettings(
         slope=math.radians(slope_deg),
         pitch_error=math.radians(pitch_error_deg),
         friction_static=friction,
         controller=controller,
     )
-    return run_climb(robot, settings).summary
+    return run_climb(robot, settings)
 
 
-def row(ours: ClimbSummary, papers: ClimbSummary) -> list[object]:
+def row(ours: ClimbSummary, papers: ClimbResult) -> list[object]:
     """A climb with the default controller beside the same climb with the paper's settings."""
 
     def scaled(value: float | None, factor: float) -> str:
         return cell(None if value is None else float(f"{factor * value:.3g}"))
 
+    outcome = papers.summary.verdict
+    if outcome == "fell" and papers.dataset is not None:
+        outcome = f"fell after {float(papers.dataset.time[-1]):.1f} s"
     return [
         f"{ours.slope_deg:g}",
         f"{ours.pitch_error_deg:+g}",
@@ -54,9 +57,9 @@ def row(ours: ClimbSummary, papers: ClimbSummary) -> list[object]:
         scaled(ours.yaw_max_deg, 1.0),
         scaled(ours.ground_force_rms_over_weight, 1e2),
         scaled(ours.steady_cost, 1.0),
+        scaled(papers.summary.steady_cost, 1.0),
+        outcome,
         cell(None if ours.real_time_factor is None else round(ours.real_time_factor)),
-        scaled(papers.steady_cost, 1.0),
-        papers.verdict if papers.verdict == "climbed" else f"{papers.verdict}: {papers.reason}",
     ]
 
 
@@ -74,7 +77,7 @@ if __name__ == "__main__":
         robot = load_robot(options.robot)
         rows = [
             row(
-                climb(robot, slope, error, "default", options.friction),
+                climb(robot, slope, error, "default", options.friction).summary,
                 climb(robot, slope, error, "paper", options.friction),
             )
             for slope in options.slopes

@@ -31,8 +31,8 @@ def test_climb_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixt
     assert 0.0 < slip <= 5.0
     assert 0.0 < slid <= 5.0
     assert 0.0 < wheel_rms <= 20.0
-    assert float(row[11]) > 100.0 * float(row[9])
-    assert row[12].startswith("fell")
+    assert float(row[10]) > 100.0 * float(row[9])
+    assert row[11].startswith("fell after ")
 
 
 def test_paper_horizon(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
