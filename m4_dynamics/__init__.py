@@ -63,6 +63,10 @@ _PUBLIC: dict[str, str] = {
     "prepare_climb": "m4_dynamics.simulation.climb",
     "run_climb": "m4_dynamics.simulation.climb",
     "save_trajectory": "m4_dynamics.simulation.trajectory",
+    # missions
+    "Mission": "m4_dynamics.mission.schema",
+    "load_mission": "m4_dynamics.mission.loading",
+    "run_mission": "m4_dynamics.mission.runner",
     # view
     "plot_ground_forces": "m4_dynamics.view.plots",
     "plot_states": "m4_dynamics.view.plots",

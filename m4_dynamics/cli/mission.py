@@ -32,8 +32,8 @@ def run(args: argparse.Namespace) -> int:
     """
     from m4_dynamics.cli.main import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK
     from m4_dynamics.cli.results import make_folder, write_run
+    from m4_dynamics.mission.loading import load_mission, shipped_missions
     from m4_dynamics.mission.runner import run_mission
-    from m4_dynamics.mission.schema import load_mission, shipped_missions
     from m4_dynamics.robot.loading import load_robot
     from m4_dynamics.view.mission_tables import mission_table, missions_table
     from m4_dynamics.view.progress import status_line

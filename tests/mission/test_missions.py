@@ -12,8 +12,8 @@ import pytest
 from m4_dynamics.full.axle_path import AxlePath
 from m4_dynamics.full.terrain import plateau_terrain, ramp_terrain
 from m4_dynamics.mission.drive_reference import DrivePlan, drive_reference
+from m4_dynamics.mission.loading import load_mission, parse_mission, shipped_missions
 from m4_dynamics.mission.runner import prepare_mission, run_mission
-from m4_dynamics.mission.schema import load_mission, parse_mission, shipped_missions
 from m4_dynamics.reduced.pendulum import acceleration
 from m4_dynamics.reduced.reduction import reduce_robot
 from m4_dynamics.reduced.trim import select_trim
