@@ -58,7 +58,7 @@ _PUBLIC: dict[str, str] = {
     # simulation
     "ClimbSettings": "m4_dynamics.simulation.climb",
     "Plant": "m4_dynamics.simulation.plant",
-    "SensorModel": "m4_dynamics.simulation.sensors",
+    "Fidelity": "m4_dynamics.simulation.fidelity",
     "load_trajectory": "m4_dynamics.simulation.trajectory",
     "prepare_climb": "m4_dynamics.simulation.climb",
     "run_climb": "m4_dynamics.simulation.climb",

@@ -46,6 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DEG",
         help="initial heading, left of uphill [deg] (default: 0.5)",
     )
+    parser.add_argument(
+        "--realistic",
+        action="store_true",
+        help="rotor lag, servo and motor limits, encoder counts, IMU noise with attitude estimation, control delay and "
+        "battery sag (default: the paper's ideal plant)",
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the sensors' noise (default: 0)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: runs/wair-SLOPE)")
     parser.add_argument("--no-viewer", action="store_true", help="do not write viewer.html")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of a table")
@@ -64,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
     from m4_dynamics.cli.results import make_folder, write_run
     from m4_dynamics.robot.loading import load_robot
     from m4_dynamics.simulation.climb import ClimbSettings, run_climb
+    from m4_dynamics.simulation.fidelity import Fidelity
     from m4_dynamics.simulation.verdict import Verdict
     from m4_dynamics.view.climb_tables import climb_table
     from m4_dynamics.view.progress import progress_bar
@@ -79,6 +87,7 @@ def run(args: argparse.Namespace) -> int:
         duration=args.duration,
         pitch_error=math.radians(args.pitch_error),
         yaw_error=math.radians(args.yaw_error),
+        fidelity=Fidelity.realistic(seed=args.seed) if args.realistic else Fidelity.ideal(),
     )
     folder = args.out if args.out is not None else Path("runs") / f"wair-{args.slope:g}"
     make_folder(folder)
@@ -92,6 +101,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         console = make_console()
         print_tables(console, [climb_table(summary)])
+        if summary.fidelity:
+            print_note(console, "plant: " + ", ".join(summary.fidelity))
         for remark in summary.remarks:
             print_note(console, f"note: {remark}")
         print_note(console, f"{summary.verdict}: {summary.reason}")
@@ -134,4 +145,6 @@ def command_words(args: argparse.Namespace) -> list[str]:
         if value is not None:
             shown = f"{value:g}" if isinstance(value, float) else str(value)
             words += [f"--{name.replace('_', '-')}", shown]
+    if args.realistic:
+        words += ["--realistic", "--seed", str(args.seed)]
     return words

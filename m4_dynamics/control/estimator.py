@@ -1,5 +1,7 @@
 """The reduced state from what the robot measures: wheel odometry and attitude (never the true axle position).
 
+`BalanceEstimator` is for ideal sensors, which give the attitude exactly; for others see `control/inertial.py`.
+
 phi is the absolute wheel angle: encoder angle + pitch, per wheel; forward travel is r times their mean, the heading
 comes from their difference. Rotations are decomposed as yaw about z, roll about x, pitch about y, so that the pitch
 turns about the axle.
@@ -8,13 +10,13 @@ turns about the axle.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["IMU_ENTRIES", "BalanceEstimator"]
+__all__ = ["IMU_ENTRIES", "BalanceEstimator", "StateEstimator"]
 
 Array = NDArray[np.float64]
 
@@ -25,6 +27,53 @@ IMU_ENTRIES = 10
 # Entries of an estimate.
 _PHI, _PITCH, _PHI_RATE, _PITCH_RATE, _HEADING, _HEADING_RATE, _ROLL = range(7)
 _ENTRIES = 7
+
+
+class StateEstimator(Protocol):
+    """What every estimator of a balancing robot offers.
+
+    Attributes:
+        slope: Inclination of the ground [rad]; may be set anew while the robot drives.
+    """
+
+    slope: float
+
+    def reset(self, measurement: ArrayLike, *, wheel_angle: float = 0.0, heading: float = 0.0) -> None:
+        """Start anew at a place: wheel angle and heading, positive left of uphill [rad]."""
+        ...
+
+    def relocate(self, measurement: ArrayLike, *, wheel_angle: float, heading: float) -> None:
+        """Tell the odometry its place anew in the middle of a run; what is known of attitude and sensors stays."""
+        ...
+
+    def update(self, measurement: Array) -> Array:
+        """Estimate from the next flat measurement: (wheel angle, pitch, and their rates), shape (4,), a fresh array."""
+        ...
+
+    @property
+    def state(self) -> Array:
+        """Last estimate of the reduced state, shape (4,), a fresh array."""
+        ...
+
+    @property
+    def pitch(self) -> float:
+        """Last estimate of the pitch [rad]."""
+        ...
+
+    @property
+    def heading(self) -> float:
+        """Positive left of uphill [rad]."""
+        ...
+
+    @property
+    def heading_rate(self) -> float:
+        """Rate about the slope normal [rad/s]."""
+        ...
+
+    @property
+    def roll(self) -> float:
+        """Roll about the direction of travel [rad]."""
+        ...
 
 
 @njit(cache=True)
@@ -63,7 +112,7 @@ def _estimate(
 
 @dataclass(slots=True, eq=False)
 class BalanceEstimator:
-    """Wheel odometry and attitude to the reduced state and the heading.
+    """Wheel odometry and measured attitude to the reduced state and the heading.
 
     Attributes:
         axes_in_base: Forward, lateral (left) and up axes of the pendulum in the base frame, rows, shape (3, 3).
@@ -107,6 +156,10 @@ class BalanceEstimator:
         self._zero[0] = self.wheel_signs[0] * values[IMU_ENTRIES + left] + pitch - wheel_angle
         self._zero[1] = self.wheel_signs[1] * values[IMU_ENTRIES + right] + pitch - wheel_angle
         self.update(values)
+
+    def relocate(self, measurement: ArrayLike, *, wheel_angle: float, heading: float) -> None:
+        """The same as `reset`: with ideal sensors there is nothing else to lose."""
+        self.reset(measurement, wheel_angle=wheel_angle, heading=heading)
 
     def update(self, measurement: Array) -> Array:
         """Estimate from one measurement.

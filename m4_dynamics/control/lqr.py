@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, solve_discrete_are
 
 from m4_dynamics.control.controller import Diagnostics
+from m4_dynamics.control.disturbance import DisturbanceEstimator
 from m4_dynamics.control.reference import ReferenceTrajectory
 from m4_dynamics.errors import ConvergenceError, InvalidSettingError
+from m4_dynamics.reduced.kernels import inputs_along
 from m4_dynamics.reduced.linear import discretise_zoh
 from m4_dynamics.reduced.pendulum import MipParameters, checked_state, linearise
 
@@ -104,6 +106,7 @@ class LqrController:
 
     Attributes:
         gains: One gain per distinct slope of the reference, shape (slopes, 2, 4).
+        estimator: Of the disturbance; None without disturbance rejection.
     """
 
     def __init__(
@@ -115,6 +118,7 @@ class LqrController:
         input_weights: tuple[float, float] = (5.0, 0.5),
         duty_limits: tuple[float, float] = (-1.0, 1.0),
         thrust_limits: tuple[float, float] = (0.0, 43.2),
+        disturbance_rejection: bool = False,
     ) -> None:
         """Compute the gains.
 
@@ -125,6 +129,8 @@ class LqrController:
             input_weights: Diagonal of R on (duty, thrust).
             duty_limits: Bounds of the motor duty.
             thrust_limits: Bounds of the thrust [N].
+            disturbance_rejection: Whether to estimate what the model lacks (`control.disturbance`) and to hold the
+                reference against it, by other inputs alone.
 
         Raises:
             ConvergenceError: If the robot cannot be stabilised at a trim of the reference.
@@ -146,6 +152,8 @@ class LqrController:
         )
         self.gains: _Array = feedback.gains
         self._costs, self._slope_index = feedback.costs, feedback.slope_index
+        self.estimator = DisturbanceEstimator(parameters, reference) if disturbance_rejection else None
+        self._nominal: _Array = parameters.as_array()
         self._diagnostics = Diagnostics()
 
     @property
@@ -154,8 +162,10 @@ class LqrController:
         return self._diagnostics
 
     def reset(self) -> None:
-        """Forget the last step; the feedback itself has no memory."""
+        """Forget the last step and the disturbance; the feedback itself has no memory."""
         self._diagnostics = Diagnostics()
+        if self.estimator is not None:
+            self.estimator.reset()
 
     def control(self, step: int, state: _Array) -> _Array:
         """Inputs for one sample, see `BalanceController.control`."""
@@ -163,10 +173,24 @@ class LqrController:
         sample = self._reference.sample_index(step)
         index = self._slope_index[sample]
         error = x - self._reference.state[sample]
-        inputs = self._reference.inputs[sample] - self.gains[index] @ error
+        wanted = self._reference.inputs[sample]
+        if self.estimator is not None:
+            self.estimator.measure(step, x)
+            wanted = self._against_disturbance(sample, self.estimator.model)
+        inputs = wanted - self.gains[index] @ error
         self._diagnostics = Diagnostics(cost=float(error @ self._costs[index] @ error))
         saturated: _Array = np.clip(inputs, self._lower, self._upper)
+        if self.estimator is not None:
+            self.estimator.apply(step, float(self._reference.slope[sample]), saturated)
         return saturated
+
+    def _against_disturbance(self, sample: int, model: _Array) -> _Array:
+        """Inputs with which the disturbed pendulum follows a sample of the reference."""
+        reference, one = self._reference, slice(sample, sample + 1)
+        wanted = np.empty((1, 2))
+        slope, states, inputs = reference.slope[one], reference.state[one], reference.inputs[one]
+        inputs_along(self._nominal, model, slope, slope, states, inputs, 0.0, self._lower, self._upper, wanted)
+        return np.asarray(wanted[0])
 
 
 def _square(weights: ArrayLike) -> _Array:

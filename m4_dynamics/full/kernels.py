@@ -93,15 +93,17 @@ def _add_contact(
     count: int,
     joint: int,
     owner: int,
-    position: Any,
+    x: float,
+    y: float,
+    z: float,
     nx: float,
     nz: float,
     gap: float,
     scale: float,
 ) -> int:
-    contacts[count, CONTACT_X] = position[0]
-    contacts[count, CONTACT_Y] = position[1]
-    contacts[count, CONTACT_Z] = position[2]
+    contacts[count, CONTACT_X] = x
+    contacts[count, CONTACT_Y] = y
+    contacts[count, CONTACT_Z] = z
     contacts[count, NORMAL_X] = nx
     contacts[count, NORMAL_Z] = nz
     contacts[count, GAP] = gap
@@ -112,9 +114,13 @@ def _add_contact(
 
 
 @njit(cache=True)
-def _to_world(pose: Any, vector: Any, out: Any) -> None:
-    for i in range(3):
-        out[i] = pose[i] * vector[0] + pose[3 + i] * vector[1] + pose[6 + i] * vector[2]
+def _turn_to_world(pose: Any, vector: Any) -> tuple[float, float, float]:
+    a, b, c = vector[0], vector[1], vector[2]
+    return (
+        pose[0] * a + pose[3] * b + pose[6] * c,
+        pose[1] * a + pose[4] * b + pose[7] * c,
+        pose[2] * a + pose[5] * b + pose[8] * c,
+    )
 
 
 @njit(cache=True)
@@ -149,14 +155,12 @@ def find_contacts(
     Returns:
         The number of contacts, at most one for each wheel or point and segment.
     """
-    axis = np.empty(3)
-    position = np.empty(3)
     count = 0
     n_segments = segments.shape[0]
     n_wheels = wheel_joints.shape[0]
     for wheel in range(n_wheels):
         pose = poses[wheel_joints[wheel]]
-        _to_world(pose, wheel_axes[wheel], axis)
+        axis_x, axis_y, axis_z = _turn_to_world(pose, wheel_axes[wheel])
         px, py, pz = pose[9], pose[10], pose[11]
         radius = wheel_radii[wheel]
         past_previous = False
@@ -165,8 +169,8 @@ def find_contacts(
             nx, nz, length, scale = segments[k, 4], segments[k, 5], segments[k, 6], segments[k, 7]
             centre_height = (px - ax) * nx + (pz - az) * nz
             # w: the normal projected into the wheel's plane; the rim is deepest against it.
-            along_axis = axis[0] * nx + axis[2] * nz
-            wx, wy, wz = nx - along_axis * axis[0], -along_axis * axis[1], nz - along_axis * axis[2]
+            along_axis = axis_x * nx + axis_z * nz
+            wx, wy, wz = nx - along_axis * axis_x, -along_axis * axis_y, nz - along_axis * axis_z
             size = math.sqrt(wx * wx + wy * wy + wz * wz)
             reach = radius / size if size > 1e-9 else 0.0
             # The point of the wheel's plane on the segment's plane below the centre decides whose contact it is: in the
@@ -174,15 +178,15 @@ def find_contacts(
             foot = min(centre_height / (size * size), 2.0 * reach) if size > 1e-9 else 0.0
             s = (px - foot * wx - ax) * tx + (pz - foot * wz - az) * tz
             before_start = k > 0 and s < 0.0
-            if past_previous and before_start and abs(axis[1]) > 1e-6:
+            if past_previous and before_start and abs(axis_y) > 1e-6:
                 # Between two segments: the corner line through (ax, az) meets the wheel's plane at `corner_y`.
-                corner_y = py + ((px - ax) * axis[0] + (pz - az) * axis[2]) / axis[1]
+                corner_y = py + ((px - ax) * axis_x + (pz - az) * axis_z) / axis_y
                 rx, ry, rz = px - ax, py - corner_y, pz - az
                 distance = math.sqrt(rx * rx + ry * ry + rz * rz)
                 if distance > 1e-9:
                     # Rim tangent = axis x radial; the normal is perpendicular to it and to the corner line (y).
-                    vx = axis[1] * rz - axis[2] * ry
-                    vz = axis[0] * ry - axis[1] * rx
+                    vx = axis_y * rz - axis_z * ry
+                    vz = axis_x * ry - axis_y * rx
                     norm = math.sqrt(vx * vx + vz * vz)
                     if norm > 1e-9 * distance:
                         cx, cz = -vz / norm, vx / norm
@@ -193,29 +197,26 @@ def find_contacts(
                     gap = (distance - radius) * (cx * rx + cz * rz) / distance
                     if -DEPTH_LIMIT < gap < margin:
                         part = radius / distance
-                        position[0], position[1], position[2] = px - part * rx, py - part * ry, pz - part * rz
-                        corner_scale = min(scale, segments[k - 1, 7])
                         count = _add_contact(
-                            contacts, joints, owners, count, wheel_joints[wheel], wheel, position, cx, cz, gap,
-                            corner_scale,
+                            contacts, joints, owners, count, wheel_joints[wheel], wheel, px - part * rx, py - part * ry,
+                            pz - part * rz, cx, cz, gap, min(scale, segments[k - 1, 7]),
                         )  # fmt: skip
             past_previous = k < n_segments - 1 and s > length
             if not before_start and not past_previous:
                 gap = centre_height - reach * size * size
                 if -DEPTH_LIMIT < gap < margin:
-                    position[0], position[1], position[2] = px - reach * wx, py - reach * wy, pz - reach * wz
                     count = _add_contact(
-                        contacts, joints, owners, count, wheel_joints[wheel], wheel, position, nx, nz, gap, scale
-                    )
+                        contacts, joints, owners, count, wheel_joints[wheel], wheel, px - reach * wx, py - reach * wy,
+                        pz - reach * wz, nx, nz, gap, scale,
+                    )  # fmt: skip
     for point in range(point_joints.shape[0]):
         pose = poses[point_joints[point]]
-        _to_world(pose, point_positions[point], position)
-        for i in range(3):
-            position[i] += pose[9 + i]
+        px, py, pz = _turn_to_world(pose, point_positions[point])
+        px, py, pz = px + pose[9], py + pose[10], pz + pose[11]
         previous_gap = math.inf
         past_previous = False
         for k in range(n_segments):
-            dx, dz = position[0] - segments[k, 0], position[2] - segments[k, 1]
+            dx, dz = px - segments[k, 0], pz - segments[k, 1]
             nx, nz, scale = segments[k, 4], segments[k, 5], segments[k, 7]
             s = dx * segments[k, 2] + dz * segments[k, 3]
             gap = dx * nx + dz * nz
@@ -226,7 +227,7 @@ def find_contacts(
                 sign = 1.0 if gap > 0.0 else -1.0
                 if distance > 1e-12 and -DEPTH_LIMIT < sign * distance < margin:
                     count = _add_contact(
-                        contacts, joints, owners, count, point_joints[point], n_wheels + point, position,
+                        contacts, joints, owners, count, point_joints[point], n_wheels + point, px, py, pz,
                         sign * dx / distance, sign * dz / distance, sign * distance, min(scale, segments[k - 1, 7]),
                     )  # fmt: skip
             # Below a convex corner, where both segments claim the point, the nearer face pushes it out.
@@ -236,13 +237,13 @@ def find_contacts(
             if before_start or past_previous or claimed_before or not -DEPTH_LIMIT < gap < margin:
                 continue
             if gap < 0.0 and k < n_segments - 1:
-                next_dx, next_dz = position[0] - segments[k + 1, 0], position[2] - segments[k + 1, 1]
+                next_dx, next_dz = px - segments[k + 1, 0], pz - segments[k + 1, 1]
                 next_gap = next_dx * segments[k + 1, 4] + next_dz * segments[k + 1, 5]
                 next_s = next_dx * segments[k + 1, 2] + next_dz * segments[k + 1, 3]
                 if next_s >= 0.0 and gap < next_gap < 0.0:
                     continue
             count = _add_contact(
-                contacts, joints, owners, count, point_joints[point], n_wheels + point, position, nx, nz, gap, scale
+                contacts, joints, owners, count, point_joints[point], n_wheels + point, px, py, pz, nx, nz, gap, scale
             )
     return count
 
@@ -340,18 +341,16 @@ def _add_base_wrench(poses: Any, jacobians: Any, support: Any, wrench: Any, out:
 def thrust_force(poses: Any, jacobians: Any, support: Any, thruster_joints: Any, thruster_positions: Any,
                  thruster_directions: Any, moment_ratios: Any, thrust: Any, out: Any) -> None:  # fmt: skip
     """Add the generalised force of the thrusters, J_t(q)^T (d f_t), to `out` (nv,)."""
-    arm = np.empty(3)
-    direction = np.empty(3)
     for i in range(thruster_joints.shape[0]):
         f = thrust[i]
         if f == 0.0:
             continue
         joint = thruster_joints[i]
         pose = poses[joint]
-        _to_world(pose, thruster_positions[i], arm)
-        _to_world(pose, thruster_directions[i], direction)
-        x, y, z = arm[0] + pose[9], arm[1] + pose[10], arm[2] + pose[11]
-        fx, fy, fz = f * direction[0], f * direction[1], f * direction[2]
+        x, y, z = _turn_to_world(pose, thruster_positions[i])
+        x, y, z = x + pose[9], y + pose[10], z + pose[11]
+        dx, dy, dz = _turn_to_world(pose, thruster_directions[i])
+        fx, fy, fz = f * dx, f * dy, f * dz
         # Moment about the world's origin, propeller reaction included.
         ratio = moment_ratios[i]
         mx = y * fz - z * fy + ratio * fx
@@ -382,41 +381,101 @@ def ground_force(jacobians: Any, support: Any, contacts: Any, joints: Any, count
 
 
 @njit(cache=True)
-def _cholesky(a: Any) -> bool:
-    """Lower Cholesky factor in place; only the lower triangle is read and written."""
-    n = a.shape[0]
-    for j in range(n):
-        total = a[j, j]
-        for k in range(j):
-            total -= a[j, k] * a[j, k]
-        if total <= 0.0:
+def _factorise(a: Any, parents: Any, reciprocals: Any) -> bool:
+    """Factor a = L^T L in place, for a matrix with the sparsity of a kinematic tree (Featherstone, 2008, section 6.5).
+
+    Row i of L has entries at i and at the velocities that carry it, so nothing fills in; only those entries of the
+    lower triangle are read and written. `reciprocals` takes 1 / L_ii.
+    """
+    for k in range(a.shape[0] - 1, -1, -1):
+        if not a[k, k] > 0.0:
             return False
-        pivot = math.sqrt(total)
-        a[j, j] = pivot
-        for i in range(j + 1, n):
-            total = a[i, j]
-            for k in range(j):
-                total -= a[i, k] * a[j, k]
-            a[i, j] = total / pivot
+        reciprocal = 1.0 / math.sqrt(a[k, k])
+        reciprocals[k] = reciprocal
+        i = parents[k]
+        while i >= 0:
+            a[k, i] *= reciprocal
+            i = parents[i]
+        i = parents[k]
+        while i >= 0:
+            part = a[k, i]
+            j = i
+            while j >= 0:
+                a[i, j] -= part * a[k, j]
+                j = parents[j]
+            i = parents[i]
     return True
 
 
 @njit(cache=True)
-def _solve_lower(factor: Any, x: Any) -> None:
-    for i in range(x.shape[0]):
-        total = x[i]
-        for k in range(i):
-            total -= factor[i, k] * x[k]
-        x[i] = total / factor[i, i]
+def _solve_transposed(factor: Any, parents: Any, reciprocals: Any, x: Any) -> None:
+    """x := L^-T x."""
+    for i in range(x.shape[0] - 1, -1, -1):
+        value = x[i] * reciprocals[i]
+        x[i] = value
+        j = parents[i]
+        while j >= 0:
+            x[j] -= factor[i, j] * value
+            j = parents[j]
 
 
 @njit(cache=True)
-def _solve_lower_transposed(factor: Any, x: Any) -> None:
-    for i in range(x.shape[0] - 1, -1, -1):
+def _solve(factor: Any, parents: Any, reciprocals: Any, x: Any) -> None:
+    """x := L^-1 x."""
+    for i in range(x.shape[0]):
         total = x[i]
-        for k in range(i + 1, x.shape[0]):
-            total -= factor[k, i] * x[k]
-        x[i] = total / factor[i, i]
+        j = parents[i]
+        while j >= 0:
+            total -= factor[i, j] * x[j]
+            j = parents[j]
+        x[i] = total * reciprocals[i]
+
+
+@njit(cache=True)
+def _solve_contact_rows(factor: Any, parents: Any, reciprocals: Any, tip: int, rows: Any, out: Any) -> None:
+    """Three rows of J L^-1 for a contact on a joint whose last velocity is `tip`; other columns stay as they are."""
+    i = tip
+    while i >= 0:
+        for r in range(3):
+            out[r, i] = rows[r, i]
+        i = parents[i]
+    i = tip
+    while i >= 0:
+        x, y, z = out[0, i] * reciprocals[i], out[1, i] * reciprocals[i], out[2, i] * reciprocals[i]
+        out[0, i], out[1, i], out[2, i] = x, y, z
+        j = parents[i]
+        while j >= 0:
+            entry = factor[i, j]
+            out[0, j] -= entry * x
+            out[1, j] -= entry * y
+            out[2, j] -= entry * z
+            j = parents[j]
+        i = parents[i]
+
+
+@njit(cache=True)
+def _delassus_block(scaled: Any, parents: Any, tip: int, first: int, second: int, out: Any) -> None:
+    """Block (first, second) of W = (J L^-1) (J L^-1)^T and its mirror; nothing is beyond the chain of `tip`."""
+    a, b = scaled[first : first + 3], scaled[second : second + 3]
+    w00 = w01 = w02 = w10 = w11 = w12 = w20 = w21 = w22 = 0.0
+    c = tip
+    while c >= 0:
+        a0, a1, a2, b0, b1, b2 = a[0, c], a[1, c], a[2, c], b[0, c], b[1, c], b[2, c]
+        w00 += a0 * b0
+        w01 += a0 * b1
+        w02 += a0 * b2
+        w10 += a1 * b0
+        w11 += a1 * b1
+        w12 += a1 * b2
+        w20 += a2 * b0
+        w21 += a2 * b1
+        w22 += a2 * b2
+        c = parents[c]
+    block = ((w00, w01, w02), (w10, w11, w12), (w20, w21, w22))
+    for i in range(3):
+        for j in range(3):
+            out[first + i, second + j] = block[i][j]
+            out[second + j, first + i] = block[i][j]
 
 
 @njit(cache=True)
@@ -617,8 +676,8 @@ def solve_contacts(delassus: Any, free: Any, contacts: Any, count: int, ground: 
 
 @njit(cache=True)
 def implicit_step(
-    mass: Any, bias: Any, jacobians: Any, poses: Any, configuration: Any, velocity: Any, support: Any,
-    wheel_joints: Any, wheel_axes: Any, wheel_radii: Any, wheel_velocity_indices: Any, wheel_motor: Any,
+    mass: Any, bias: Any, jacobians: Any, poses: Any, configuration: Any, velocity: Any, support: Any, parents: Any,
+    tips: Any, wheel_joints: Any, wheel_axes: Any, wheel_radii: Any, wheel_velocity_indices: Any, wheel_motor: Any,
     point_joints: Any, point_positions: Any,
     thruster_joints: Any, thruster_positions: Any, thruster_directions: Any, moment_ratios: Any,
     servo_indices: Any, servo_gains: Any, segments: Any, ground: Any,
@@ -633,7 +692,8 @@ def implicit_step(
     Args:
         mass, bias, jacobians, poses: M (upper triangle), h, data.J and joint placements at (q, v).
         configuration, velocity: q (nq,) and v (nv,); v is overwritten with v+.
-        support and the arrays of wheels, points, thrusters, servos, segments, ground: see `full/model.py`.
+        support, parents, tips, and the arrays of wheels, points, thrusters, servos, segments, ground: see
+            `full/model.py`.
         wheel_motor: Stall torque and back-EMF constant of each wheel, shape (wheels, 2) [N m, N m s].
         servo_indices: (index_q, index_v) of each servo. servo_gains: stiffness, damping, effort limit.
         servo_targets: Joint angles [rad]. wheel_duty: in [-1, 1]. wheel_brake: viscous brake [N m s/rad].
@@ -680,8 +740,9 @@ def implicit_step(
         applied[wheel_velocity_indices[i]] += wheel_motor[i, 0] * wheel_duty[i]
 
     factor = np.empty((nv, nv))
+    reciprocals = np.empty(nv)
     new_velocity = np.empty(nv)
-    scaled = np.empty((3 * count, nv))
+    scaled = np.zeros((3 * count, nv))
     delassus = np.empty((3 * count, 3 * count))
     free = np.empty(3 * count)
     contact_velocity = np.empty(3 * count)
@@ -690,11 +751,14 @@ def implicit_step(
     for _ in range(n_servos + 1):
         # Servos at their torque limit push with it; the others are springs and dampers, implicit.
         for i in range(nv):
-            for j in range(i, nv):
-                factor[j, i] = mass[i, j]
-            total = 0.0
-            for j in range(nv):
-                total += (mass[i, j] if j >= i else mass[j, i]) * velocity[j]
+            factor[i, i] = mass[i, i]
+            total = mass[i, i] * velocity[i]
+            j = parents[i]
+            while j >= 0:
+                factor[i, j] = mass[j, i]
+                total += mass[j, i] * velocity[j]
+                new_velocity[j] += mass[j, i] * velocity[i]
+                j = parents[j]
             new_velocity[i] = total + dt * applied[i]
         for i in range(n_servos):
             index = servo_indices[i, 1]
@@ -707,32 +771,29 @@ def implicit_step(
         for i in range(n_wheels):
             index = wheel_velocity_indices[i]
             factor[index, index] += dt * (wheel_motor[i, 1] + wheel_brake[i])
-        if not _cholesky(factor):
+        if not _factorise(factor, parents, reciprocals):
             # M is not positive definite: no inertia is like that, or the state is lost already.
             counters[2] += 1
             velocity[:] = math.nan
             displacement[:] = math.nan
             return
-        # y = L^-1 rhs; Y = L^-1 J^T (rows of `scaled`); W = Y^T Y; free velocities J M^-1 rhs = Y^T y.
-        _solve_lower(factor, new_velocity)
-        for r in range(3 * count):
-            for c in range(nv):
-                scaled[r, c] = rows[r, c]
-            _solve_lower(factor, scaled[r])
-        for r in range(3 * count):
-            total = 0.0
-            start = 0.0
-            for c in range(nv):
-                total += scaled[r, c] * new_velocity[c]
-                start += rows[r, c] * velocity[c]
-            free[r] = total
-            contact_velocity[r] = start
-            for s in range(r + 1):
+        # With M = L^T L: y = L^-T rhs, Y = J L^-1 (rows of `scaled`), W = Y Y^T, free velocities J M^-1 rhs = Y y.
+        _solve_transposed(factor, parents, reciprocals, new_velocity)
+        for i in range(count):
+            tip = tips[joints[i]]
+            _solve_contact_rows(factor, parents, reciprocals, tip, rows[3 * i : 3 * i + 3], scaled[3 * i : 3 * i + 3])
+            for r in range(3 * i, 3 * i + 3):
                 total = 0.0
-                for c in range(nv):
-                    total += scaled[r, c] * scaled[s, c]
-                delassus[r, s] = total
-                delassus[s, r] = total
+                start = 0.0
+                c = tip
+                while c >= 0:
+                    total += scaled[r, c] * new_velocity[c]
+                    start += rows[r, c] * velocity[c]
+                    c = parents[c]
+                free[r] = total
+                contact_velocity[r] = start
+            for j in range(i + 1):
+                _delassus_block(scaled, parents, tip, 3 * i, 3 * j, delassus)
         iterations = 0
         if count > 0:
             iterations = solve_contacts(delassus, free, contacts, count, ground, dt, False, contact_velocity, force)
@@ -746,9 +807,10 @@ def implicit_step(
                 solve_contacts(delassus, free, contacts, count, lasting, dt, True, contact_velocity, force)
                 iterations = solve_contacts(delassus, free, contacts, count, ground, dt, True, contact_velocity, force)
             for r in range(3 * count):
+                impulse = dt * force[r]
                 for c in range(nv):
-                    new_velocity[c] += dt * scaled[r, c] * force[r]
-        _solve_lower_transposed(factor, new_velocity)
+                    new_velocity[c] += scaled[r, c] * impulse
+        _solve(factor, parents, reciprocals, new_velocity)
         changed = False
         for i in range(n_servos):
             if saturated[i] != 0.0:

@@ -70,6 +70,8 @@ class FullModel:
         data: Pinocchio's scratch data for `robot.model`.
         poses: Live view of the joint placements in `data.oMi`, shape (njoints, 12): rotation column-major, translation.
         support: support[joint, c] = 1 where velocity c moves the joint, shape (njoints, nv).
+        parents: The velocity entry before each one on its way to the root, or -1, shape (nv,).
+        tips: Last velocity entry that moves each joint, or -1, shape (njoints,).
         layout: Meaning of the input vector u.
     """
 
@@ -79,6 +81,8 @@ class FullModel:
     data: pin.Data
     poses: Array = field(repr=False)
     support: NDArray[np.uint8] = field(repr=False)
+    parents: IndexArray = field(repr=False)
+    tips: IndexArray = field(repr=False)
     ground_packed: Array = field(repr=False)
     wheel_joints: IndexArray = field(repr=False)
     wheel_axes: Array = field(repr=False)
@@ -138,6 +142,8 @@ class FullModel:
             data=data,
             poses=_view_of_placements(model, data),
             support=support,
+            parents=_indices(data.parents_fromRow),
+            tips=_indices(joint.idx_v + joint.nv - 1 for joint in model.joints),
             ground_packed=pack_ground(ground),
             wheel_joints=_indices(wheel.joint_id for wheel in wheels),
             wheel_axes=_rows((wheel.axis_in_joint for wheel in wheels), 3),

@@ -185,20 +185,24 @@ class ImplicitStepper(_Stepper):
         _require_count(count)
         m, actuation = self.model, self.actuation
         model, data = m.robot.model, m.data
+        # The kernel's arguments stay the same for all steps: views of Pinocchio's results and arrays written in place.
+        q = self.configuration.copy()
+        arguments = (
+            data.M, data.nle, data.J, m.poses, q, self.velocity, m.support, m.parents, m.tips, m.wheel_joints,
+            m.wheel_axes, m.wheel_radii, m.wheel_velocity_indices, m.wheel_motor, m.point_joints, m.point_positions,
+            m.thruster_joints, m.thruster_positions, m.thruster_directions, m.moment_ratios, m.servo_indices,
+            m.servo_gains, m.terrain.segments, m.ground_packed, actuation.servo_targets, actuation.wheel_duty,
+            actuation.wheel_brake, actuation.thrust, actuation.external_wrench, self.time_step, self._displacement,
+            self.servo_torque, self.wheel_force_in_world, self.wheel_contact_in_world, self.point_force_in_world,
+            self.statistics, self._counters,
+        )  # fmt: skip
         for _ in range(count):
-            pin.crba(model, data, self.configuration)
-            pin.computeJointJacobians(model, data, self.configuration)
-            bias = pin.nonLinearEffects(model, data, self.configuration, self.velocity)
-            kernels.implicit_step(
-                data.M, bias, data.J, m.poses, self.configuration, self.velocity, m.support, m.wheel_joints,
-                m.wheel_axes, m.wheel_radii, m.wheel_velocity_indices, m.wheel_motor, m.point_joints,
-                m.point_positions, m.thruster_joints, m.thruster_positions, m.thruster_directions, m.moment_ratios,
-                m.servo_indices, m.servo_gains, m.terrain.segments, m.ground_packed, actuation.servo_targets,
-                actuation.wheel_duty, actuation.wheel_brake, actuation.thrust, actuation.external_wrench,
-                self.time_step, self._displacement, self.servo_torque, self.wheel_force_in_world,
-                self.wheel_contact_in_world, self.point_force_in_world, self.statistics, self._counters,
-            )  # fmt: skip
-            self.configuration = pin.integrate(model, self.configuration, self._displacement)
+            # In the world's axes the composite rigid body algorithm finds the joint Jacobians and placements, too.
+            pin.crba(model, data, q, pin.Convention.WORLD)
+            pin.nonLinearEffects(model, data, q, self.velocity)
+            kernels.implicit_step(*arguments)
+            q[:] = pin.integrate(model, q, self._displacement)
+        self.configuration = q
         self.time += count * self.time_step
 
 

@@ -170,6 +170,11 @@ def run_mission(
         attributes={
             "mission": mission.name,
             "phases": [phase.name for phase in mission.phases] + (["made safe"] if failure is not None else []),
+            "phase_kinds": [phase.kind for phase in mission.phases] + (["safe"] if failure is not None else []),
+            "phase_controllers": [
+                phase.controller if isinstance(phase, BalancePhase) else "none" for phase in mission.phases
+            ]
+            + (["none"] if failure is not None else []),
             "slope_deg": math.degrees(mission.terrain.slope),
             "controller": ", ".join(sorted(controllers)),
             "thrust_limit_N": situation.reduction.thrust_max,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from m4_dynamics.control.controller import Diagnostics
-from m4_dynamics.control.estimator import BalanceEstimator
+from m4_dynamics.control.estimator import StateEstimator
 from m4_dynamics.control.heading import HeadingHold, wheel_duties
 from m4_dynamics.errors import RobotDescriptionError
 from m4_dynamics.full.axle_path import AxlePath
@@ -59,7 +59,7 @@ class Situation:
     reduction: Reduction
     plant: Plant
     path: AxlePath
-    estimator: BalanceEstimator
+    estimator: StateEstimator
     recorder: Recorder
     wheels: DriveWheels
     abort: AbortRule

@@ -17,6 +17,8 @@ __all__ = [
     "BACK_EMF_PITCH",
     "COM_FORWARD",
     "COM_UP",
+    "DISTURBANCE_PITCH",
+    "DISTURBANCE_WHEEL",
     "GRAVITY",
     "INERTIA_BODY",
     "INERTIA_WHEEL",
@@ -29,9 +31,11 @@ __all__ = [
     "WHEEL_RADIUS",
     "ground_force",
     "ground_force_linearised",
+    "inputs_along",
     "mip_acceleration",
     "mip_linearise",
     "mip_step",
+    "pitch_shift_within_limits",
     "rollout_and_linearise",
 ]
 
@@ -50,7 +54,14 @@ BACK_EMF_CONSTANT = 10
 #: Coefficient of the pitch rate in the motor torque: k2 if the back-EMF sees the wheel relative to the body, else 0.
 BACK_EMF_PITCH = 11
 GRAVITY = 12
-PARAMETER_COUNT = 13
+#: Generalised forces beside the model's own, on wheel angle and pitch [N m]; zero for the pendulum itself.
+DISTURBANCE_WHEEL = 13
+DISTURBANCE_PITCH = 14
+PARAMETER_COUNT = 15
+
+#: Step of the search for a pitch [rad], and how many to either side.
+SHIFT_STEP = math.radians(0.5)
+SHIFT_COUNT = 40
 
 _Array = NDArray[np.float64]
 
@@ -89,7 +100,8 @@ def _accelerate(
     torque = p[TORQUE_CONSTANT] * duty - p[BACK_EMF_CONSTANT] * wheel_rate + p[BACK_EMF_PITCH] * pitch_rate
     rhs1 = torque + r * cos_tb * thrust
     rhs1 -= p[MASS_BODY] * r * eta_t * pitch_rate * pitch_rate + mass * p[GRAVITY] * r * sin_b
-    rhs2 = -torque + p[THRUST_UP] * thrust
+    rhs1 += p[DISTURBANCE_WHEEL]
+    rhs2 = -torque + p[THRUST_UP] * thrust + p[DISTURBANCE_PITCH]
     rhs2 += p[MASS_BODY] * p[GRAVITY] * (p[COM_FORWARD] * cos_t + p[COM_UP] * sin_t)
     n11 = m22 * scale
     n12 = -m12 * scale
@@ -107,6 +119,35 @@ def _accelerate(
         n12,
         n22,
     )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _force(
+    p: _Array,
+    sin_b: float,
+    cos_b: float,
+    sin_tb: float,
+    cos_tb: float,
+    eta: float,
+    eta_t: float,
+    pitch_rate: float,
+    ddphi: float,
+    ddtheta: float,
+    thrust: float,
+) -> tuple[float, float]:
+    """(f_x, f_n) by Newton's law for the whole robot, along the slope and along its normal.
+
+    A disturbance of the wheel angle counts as a force d_1 / r along the slope: then r f_x is what the motors give less
+    what spins the wheels, whatever is wrong with mass, CoM or thrust. What it may do along the normal cannot be seen in
+    the motion and is left out.
+    """
+    mb = p[MASS_BODY]
+    mass = mb + p[MASS_WHEEL]
+    r = p[WHEEL_RADIUS]
+    rate2 = pitch_rate * pitch_rate
+    along = mass * (r * ddphi + p[GRAVITY] * sin_b) + mb * (eta * ddtheta + eta_t * rate2) - thrust * cos_tb
+    along -= p[DISTURBANCE_WHEEL] / r
+    return along, mb * (eta_t * ddtheta - eta * rate2) + mass * p[GRAVITY] * cos_b + thrust * sin_tb
 
 
 @njit(cache=True, error_model="numpy")
@@ -157,8 +198,7 @@ def _linearise(
     jacobian_u[1, 1] = n12 * r * cos_tb + n22 * p[THRUST_UP]
 
     # Newton's law for the whole robot, along the slope and along its normal.
-    force[0] = mass * r * ddphi + mb * (eta * ddtheta + eta_t * rate * rate) + mass * g * sin_b - thrust * cos_tb
-    force[1] = mb * (eta_t * ddtheta - eta * rate * rate) + mass * g * cos_b + thrust * sin_tb
+    force[0], force[1] = _force(p, sin_b, cos_b, sin_tb, cos_tb, eta, eta_t, rate, ddphi, ddtheta, thrust)
     for j in range(4):
         force_x[0, j] = mass * r * jacobian_x[0, j] + mb * eta * jacobian_x[1, j]
         force_x[1, j] = mb * eta_t * jacobian_x[1, j]
@@ -203,13 +243,7 @@ def ground_force(p: _Array, slope: float, x: _Array, u: _Array, out: _Array) -> 
     ddphi, ddtheta, _, _, sin_tb, cos_tb, eta, eta_t, _, _, _ = _accelerate(
         p, sin_b, cos_b, x[1], x[2], x[3], u[0], u[1]
     )
-    mb = p[MASS_BODY]
-    mass = mb + p[MASS_WHEEL]
-    rate2 = x[3] * x[3]
-    out[0] = (
-        mass * (p[WHEEL_RADIUS] * ddphi + p[GRAVITY] * sin_b) + mb * (eta * ddtheta + eta_t * rate2) - u[1] * cos_tb
-    )
-    out[1] = mb * (eta_t * ddtheta - eta * rate2) + mass * p[GRAVITY] * cos_b + u[1] * sin_tb
+    out[0], out[1] = _force(p, sin_b, cos_b, sin_tb, cos_tb, eta, eta_t, x[3], ddphi, ddtheta, u[1])
 
 
 @njit(cache=True, error_model="numpy")
@@ -288,6 +322,183 @@ def rollout_and_linearise(
             for j in range(2):
                 b[k, i, j] = 0.0
                 b[k, i + 2, j] = dt * jacobian_u[i, j]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _inputs_for(
+    p: _Array,
+    sin_b: float,
+    cos_b: float,
+    pitch: float,
+    wheel_rate: float,
+    pitch_rate: float,
+    ddphi: float,
+    ddtheta: float,
+) -> tuple[float, float]:
+    """Duty and thrust for given accelerations; the thrust from both equations' sum, which is free of the motor."""
+    mb = p[MASS_BODY]
+    mass = mb + p[MASS_WHEEL]
+    r = p[WHEEL_RADIUS]
+    sin_t = math.sin(pitch)
+    cos_t = math.cos(pitch)
+    sin_tb = sin_t * cos_b + cos_t * sin_b
+    cos_tb = cos_t * cos_b - sin_t * sin_b
+    m12 = mb * r * (p[COM_UP] * cos_tb - p[COM_FORWARD] * sin_tb)
+    eta_t = -p[COM_UP] * sin_tb - p[COM_FORWARD] * cos_tb
+    m22 = p[INERTIA_BODY] + mb * (p[COM_FORWARD] * p[COM_FORWARD] + p[COM_UP] * p[COM_UP])
+    # What motor and thrust must give on the wheel angle and on the pitch: M q'' + h (without back-EMF) - d.
+    on_wheel = (p[INERTIA_WHEEL] + mass * r * r) * ddphi + m12 * ddtheta - p[DISTURBANCE_WHEEL]
+    on_wheel += mb * r * eta_t * pitch_rate * pitch_rate + mass * p[GRAVITY] * r * sin_b
+    on_pitch = m12 * ddphi + m22 * ddtheta - p[DISTURBANCE_PITCH]
+    on_pitch -= mb * p[GRAVITY] * (p[COM_FORWARD] * cos_t + p[COM_UP] * sin_t)
+    thrust = (on_wheel + on_pitch) / (p[THRUST_UP] + r * cos_tb)
+    torque = on_wheel - r * cos_tb * thrust
+    duty = (torque + p[BACK_EMF_CONSTANT] * wheel_rate - p[BACK_EMF_PITCH] * pitch_rate) / p[TORQUE_CONSTANT]
+    return duty, thrust
+
+
+@njit(cache=True, error_model="numpy")
+def inputs_along(
+    nominal: _Array,
+    actual: _Array,
+    slopes_nominal: _Array,
+    slopes: _Array,
+    states: _Array,
+    inputs: _Array,
+    pitch_shift: float,
+    lower: _Array,
+    upper: _Array,
+    out: _Array,
+) -> None:
+    """Inputs with which another pendulum, on other ground, moves as a nominal one does: inverse dynamics, in place.
+
+    Args:
+        nominal: Parameter vector of the pendulum that the inputs are known for.
+        actual: Parameter vector of the other one (of the same pendulum with disturbances, say).
+        slopes_nominal: Inclination that the inputs are known for, shape (n,) [rad].
+        slopes: Inclination that they are wanted for, shape (n,) [rad].
+        states: Nominal states, shape (n, 4) or more columns.
+        inputs: Nominal duty and thrust, shape (n, 2).
+        pitch_shift: The other one's pitch less the nominal one's [rad].
+        lower: Least duty and thrust, shape (2,).
+        upper: Greatest duty and thrust, shape (2,).
+        out: Out: duty and thrust, shape (n, 2), cut at the bounds.
+    """
+    for k in range(inputs.shape[0]):
+        pitch = states[k, 1]
+        wheel_rate = states[k, 2]
+        pitch_rate = states[k, 3]
+        sin_b = math.sin(slopes_nominal[k])
+        cos_b = math.cos(slopes_nominal[k])
+        motion = _accelerate(nominal, sin_b, cos_b, pitch, wheel_rate, pitch_rate, inputs[k, 0], inputs[k, 1])
+        if slopes[k] != slopes_nominal[k]:
+            sin_b = math.sin(slopes[k])
+            cos_b = math.cos(slopes[k])
+        duty, thrust = _inputs_for(
+            actual, sin_b, cos_b, pitch + pitch_shift, wheel_rate, pitch_rate, motion[0], motion[1]
+        )
+        out[k, 0] = min(max(duty, lower[0]), upper[0])
+        out[k, 1] = min(max(thrust, lower[1]), upper[1])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _demand(
+    p: _Array,
+    sin_b: float,
+    cos_b: float,
+    pitch: float,
+    wheel_rate: float,
+    pitch_rate: float,
+    ddphi: float,
+    ddtheta: float,
+) -> tuple[float, float, float]:
+    """What a motion takes: thrust, friction and normal force [N]."""
+    _, thrust = _inputs_for(p, sin_b, cos_b, pitch, wheel_rate, pitch_rate, ddphi, ddtheta)
+    sin_t = math.sin(pitch)
+    cos_t = math.cos(pitch)
+    sin_tb = sin_t * cos_b + cos_t * sin_b
+    cos_tb = cos_t * cos_b - sin_t * sin_b
+    eta = p[COM_UP] * cos_tb - p[COM_FORWARD] * sin_tb
+    eta_t = -p[COM_UP] * sin_tb - p[COM_FORWARD] * cos_tb
+    friction, normal = _force(p, sin_b, cos_b, sin_tb, cos_tb, eta, eta_t, pitch_rate, ddphi, ddtheta, thrust)
+    return thrust, friction, normal
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _excess(demand: tuple[float, float, float], limits: _Array) -> float:
+    """By how much a demand leaves the limits on thrust, friction and normal force [N]; negative inside.
+
+    Where the limits leave one thrust only, it is the signed distance from that thrust.
+    """
+    thrust, friction, normal = demand
+    if limits[0] == limits[1]:
+        return float(thrust - limits[0])
+    excess = max(limits[0] - thrust, thrust - limits[1])
+    if limits[2] < math.inf:
+        excess = max(excess, abs(friction) - limits[2] * normal)
+    return float(max(excess, limits[3] - normal))
+
+
+@njit(cache=True, error_model="numpy")
+def pitch_shift_within_limits(
+    nominal: _Array, actual: _Array, slope_nominal: float, slope: float, x: _Array, u: _Array, limits: _Array
+) -> tuple[float, float]:
+    """Least change of pitch with which another pendulum makes a nominal motion within limits.
+
+    Args:
+        nominal: Parameter vector of the nominal pendulum.
+        actual: Parameter vector of the other one.
+        slope_nominal: Inclination under the nominal one [rad].
+        slope: Inclination under the other one [rad].
+        x: Nominal state, shape (4,) or more.
+        u: Nominal duty and thrust, shape (2,).
+        limits: Least and greatest thrust [N], greatest friction over normal force, least normal force [N], shape (4,);
+            what the nominal motion itself exceeds them by is allowed. Where both thrusts are equal, the pitch is that
+            which needs the nominal motion's thrust, and the other limits do not count: there is no choice.
+
+    Returns:
+        The change [rad], 0 if none is needed, and the best there is if none within 20 deg suffices; and the friction
+        over normal force that the motion then needs.
+    """
+    pitch, wheel_rate, pitch_rate = x[1], x[2], x[3]
+    sin_n = math.sin(slope_nominal)
+    cos_n = math.cos(slope_nominal)
+    motion = _accelerate(nominal, sin_n, cos_n, pitch, wheel_rate, pitch_rate, u[0], u[1])
+    ddphi, ddtheta = motion[0], motion[1]
+    sin_b = math.sin(slope)
+    cos_b = math.cos(slope)
+    allowed = _excess(_demand(nominal, sin_n, cos_n, pitch, wheel_rate, pitch_rate, ddphi, ddtheta), limits)
+    demand = _demand(actual, sin_b, cos_b, pitch, wheel_rate, pitch_rate, ddphi, ddtheta)
+    best = _excess(demand, limits)
+    side = 1.0
+    if limits[0] == limits[1]:
+        if best < allowed:
+            side = -1.0
+    else:
+        allowed = max(allowed, 0.0)
+    shift = 0.0
+    found = side * (best - allowed) <= 0.0
+    i = 0
+    while not found and i < SHIFT_COUNT:
+        i += 1
+        for sign in (-1.0, 1.0):
+            outer = sign * i * SHIFT_STEP
+            trial = _demand(actual, sin_b, cos_b, pitch + outer, wheel_rate, pitch_rate, ddphi, ddtheta)
+            excess = _excess(trial, limits)
+            if not found and side * (excess - best) < 0.0:
+                best, shift, demand = excess, outer, trial
+                found = side * (excess - allowed) <= 0.0
+    if found and i > 0:
+        # The limit lies between this pitch and the one before: bisect.
+        inner = shift - math.copysign(SHIFT_STEP, shift)
+        for _ in range(20):
+            middle = 0.5 * (inner + shift)
+            trial = _demand(actual, sin_b, cos_b, pitch + middle, wheel_rate, pitch_rate, ddphi, ddtheta)
+            if side * (_excess(trial, limits) - allowed) <= 0.0:
+                shift, demand = middle, trial
+            else:
+                inner = middle
+    return shift, abs(demand[1]) / demand[2] if demand[2] > 0.0 else math.inf
 
 
 @njit(cache=True, error_model="numpy")

@@ -86,7 +86,7 @@ class MipParameters:
 
     def as_array(self) -> _Array:
         """Return the parameter vector that the compiled kernels take; its layout is in `kernels`."""
-        p = np.empty(kernels.PARAMETER_COUNT)
+        p = np.zeros(kernels.PARAMETER_COUNT)
         p[kernels.MASS_BODY] = self.mass_body
         p[kernels.MASS_WHEEL] = self.mass_wheel
         p[kernels.INERTIA_BODY] = self.inertia_body

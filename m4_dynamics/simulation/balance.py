@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from m4_dynamics.control.controller import BalanceController
-from m4_dynamics.control.estimator import BalanceEstimator
+from m4_dynamics.control.estimator import BalanceEstimator, StateEstimator
 from m4_dynamics.control.heading import HeadingHold, wheel_duties
+from m4_dynamics.control.imu import ImuErrors
+from m4_dynamics.control.inertial import InertialEstimator
 from m4_dynamics.control.reference import ReferenceTrajectory
 from m4_dynamics.reduced.reduction import BalanceFrame, Reduction
 from m4_dynamics.robot.robot import Robot
+from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
 from m4_dynamics.simulation.recorder import Recorder
 
@@ -53,26 +56,47 @@ def drive_wheels(robot: Robot, frame: BalanceFrame) -> DriveWheels:
     return DriveWheels(names.index(joints[left]), names.index(joints[right]), float(signs[left]), float(signs[right]))
 
 
-def balance_estimator(robot: Robot, reduction: Reduction, *, slope: float) -> BalanceEstimator:
+def balance_estimator(
+    robot: Robot, reduction: Reduction, *, slope: float, fidelity: Fidelity | None = None, control_period: float = 5e-3
+) -> StateEstimator:
     """The estimator for a robot's sensors and posture.
 
     Args:
         robot: The robot.
         reduction: How it stands as a pendulum.
         slope: Inclination of the ground [rad].
+        fidelity: How good the sensors are; None means ideal ones.
+        control_period: Time between two measurements [s].
 
     Returns:
-        The estimator, to be told where the robot is with `reset`.
+        The ideal estimator for exact sensors, else the inertial one; to be told where the robot is with `reset`.
     """
     frame, wheels = reduction.frame, drive_wheels(robot, reduction.frame)
-    return BalanceEstimator(
-        axes_in_base=frame.rotation_in_base.T,
+    axes_in_base = frame.rotation_in_base.T
+    indices, signs = (wheels.left, wheels.right), (wheels.sign_left, wheels.sign_right)
+    if fidelity is None or fidelity.senses_exactly:
+        return BalanceEstimator(
+            axes_in_base=axes_in_base,
+            wheels=len(robot.wheels),
+            drive_wheels=indices,
+            wheel_signs=signs,
+            wheel_radius=frame.wheel_radius,
+            track=frame.track,
+            slope=slope,
+        )
+    return InertialEstimator(
+        axes_in_base=axes_in_base,
         wheels=len(robot.wheels),
-        drive_wheels=(wheels.left, wheels.right),
-        wheel_signs=(wheels.sign_left, wheels.sign_right),
+        drive_wheels=indices,
+        wheel_signs=signs,
         wheel_radius=frame.wheel_radius,
         track=frame.track,
         slope=slope,
+        axle_in_base=frame.axle_in_base,
+        errors=fidelity.imu if fidelity.imu is not None else ImuErrors(),
+        encoder_resolution=fidelity.encoder_resolution,
+        period=control_period,
+        gravity=robot.gravity,
     )
 
 
@@ -96,7 +120,7 @@ class BalanceLoop:
     controller: BalanceController
     reference: ReferenceTrajectory
     heading_hold: HeadingHold
-    estimator: BalanceEstimator
+    estimator: StateEstimator
     recorder: Recorder
     heading_reference: float = 0.0
     _step: int = field(init=False, default=0)
@@ -105,15 +129,20 @@ class BalanceLoop:
     def __post_init__(self) -> None:
         self._wheels = drive_wheels(self.plant.model.robot, self.reduction.frame)
 
-    def start(self, measurement: ArrayLike, *, wheel_angle: float = 0.0, heading: float = 0.0) -> None:
+    def start(
+        self, measurement: ArrayLike, *, wheel_angle: float = 0.0, heading: float = 0.0, held: float = 0.0
+    ) -> None:
         """Tell controller and odometry where the robot is.
 
         Args:
             measurement: The plant's measurement there.
             wheel_angle: Absolute wheel angle [rad].
             heading: Heading, positive left of uphill [rad].
+            held: How long the robot was held still there before, while the estimator was already at work [s].
         """
         self.estimator.reset(measurement, wheel_angle=wheel_angle, heading=heading)
+        for _ in range(round(held / self.plant.control_period)):
+            self.estimator.update(self.plant.measure_held())
         self.follow(self.controller, self.reference)
 
     def follow(self, controller: BalanceController, reference: ReferenceTrajectory) -> None:

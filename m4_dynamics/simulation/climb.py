@@ -6,7 +6,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -32,9 +32,10 @@ from m4_dynamics.reduced.reduction import (
 from m4_dynamics.reduced.trim import Trim, select_trim
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.balance import BalanceLoop, balance_estimator, drive_wheels
+from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
+from m4_dynamics.simulation.plant_errors import PlantErrors, perturbed_robot
 from m4_dynamics.simulation.recorder import Recorder
-from m4_dynamics.simulation.sensors import SensorModel
 from m4_dynamics.simulation.trajectory import build_trajectory
 from m4_dynamics.simulation.verdict import ClimbSummary, StepTimes, Verdict, summarise_climb
 
@@ -51,6 +52,8 @@ HEADING_FREQUENCY = 6.0
 HEADING_DAMPING_RATIO = 1.0
 #: The idle wheels are shorted, so that they do not spin [N m s/rad].
 IDLE_WHEEL_BRAKE = 10.0
+#: Imperfect sensors are awake for this long before the robot is let go [s].
+TIME_HELD_BEFORE = 2.0
 #: The robot fell when its pitch is this far from the reference [rad].
 FALL_ANGLE = math.radians(60.0)
 
@@ -74,7 +77,8 @@ class ClimbSettings:
         time_step: Integration step of the full model [s].
         control_period: [s].
         posture_compensation: Whether the servos are told the trim's holding torques, so that the legs do not sag.
-        sensors: Imperfections of the sensors; None measures exactly.
+        plant_errors: How the simulated robot differs from the one that the controllers know.
+        fidelity: What sets actuators and sensors apart from the paper's ideal ones; the default is nothing.
     """
 
     slope: float
@@ -89,7 +93,8 @@ class ClimbSettings:
     time_step: float = 1e-3
     control_period: float = 5e-3
     posture_compensation: bool = True
-    sensors: SensorModel | None = None
+    plant_errors: PlantErrors = field(default_factory=PlantErrors)
+    fidelity: Fidelity = field(default_factory=Fidelity)
 
     def __post_init__(self) -> None:
         limits: dict[str, tuple[float, float]] = {
@@ -244,12 +249,14 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
     heading_hold = make_heading_hold(robot, reduction, trim)
     distance = abs(parameters.wheel_radius * float(np.ptp(reference.state[:, 0])))
     terrain = ramp_terrain(settings.slope, flat_before=1.5, length=settings.start_position + distance + 1.5)
-    ground = dataclasses.replace(robot.ground, friction_static=friction)
+    errors = settings.plant_errors
+    ground = errors.applied_to(dataclasses.replace(robot.ground, friction_static=friction))
     plant = Plant(
-        FullModel.build(robot, terrain, ground=ground),
+        FullModel.build(perturbed_robot(robot, errors), terrain, ground=ground),
         control_period=settings.control_period,
         time_step=settings.time_step,
-        sensors=settings.sensors,
+        thrust_scale=errors.thrust_scale,
+        fidelity=settings.fidelity,
     )
     sinking = trim.normal_force / (2.0 * ground.stiffness)
     configuration = configuration_on_slope(
@@ -267,6 +274,11 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
     wheels = drive_wheels(robot, reduction.frame)
     plant.command.wheel_brake[:] = IDLE_WHEEL_BRAKE
     plant.command.wheel_brake[[wheels.left, wheels.right]] = 0.0
+    # Somebody holds the robot, rotors running and sensors awake, and lets it go.
+    np.multiply(reduction.thrust_shares, reference.inputs[0, 1], out=plant.command.thrust)
+    plant.command.wheel_duty[wheels.left] = wheels.sign_left * reference.inputs[0, 0]
+    plant.command.wheel_duty[wheels.right] = wheels.sign_right * reference.inputs[0, 0]
+    plant.settle_actuators()
     recorder = Recorder(plant, len(reference.time))
     loop = BalanceLoop(
         plant=plant,
@@ -274,10 +286,18 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         controller=controller,
         reference=reference,
         heading_hold=heading_hold,
-        estimator=balance_estimator(robot, reduction, slope=settings.slope),
+        estimator=balance_estimator(
+            robot,
+            reduction,
+            slope=settings.slope,
+            fidelity=settings.fidelity,
+            control_period=settings.control_period,
+        ),
         recorder=recorder,
     )
-    loop.start(measurement, heading=settings.yaw_error)
+    loop.start(
+        measurement, heading=settings.yaw_error, held=0.0 if settings.fidelity.senses_exactly else TIME_HELD_BEFORE
+    )
     return Climb(settings, reduction, trim, reference, controller, heading_hold, plant, recorder, loop)
 
 
@@ -307,6 +327,7 @@ def run_climb(
     friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
     context: dict[str, Any] = {
         "controller": settings.controller,
+        "fidelity": settings.fidelity.switches,
         "speed_m_s": settings.speed,
         "duration_s": settings.duration,
         "pitch_error_deg": math.degrees(settings.pitch_error),

@@ -10,10 +10,8 @@ while plant.time < 10.0:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from m4_dynamics.control.estimator import IMU_ENTRIES
@@ -21,55 +19,49 @@ from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.full import kernels
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.full.stepping import Actuation, ImplicitStepper
-from m4_dynamics.simulation.sensors import Measurement, SensorModel, disturb, measure
+from m4_dynamics.simulation.actuators import Actuators, drive_at_once, rotor_time_constants
+from m4_dynamics.simulation.battery import BatteryState
+from m4_dynamics.simulation.fidelity import Fidelity
+from m4_dynamics.simulation.sensors import Measurement, Sensors, measure
 
 __all__ = ["Plant"]
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
-def _drive_actuators(
-    duty_command: Any, thrust_command: Any, thrust_limit: Any, lag: Any, duty: Any, thrust: Any
-) -> None:
-    """Limit the commands; the thrust follows with the rotor's lag (the part of the way it goes in one sample)."""
-    for i in range(duty.shape[0]):
-        duty[i] = min(1.0, max(-1.0, duty_command[i]))
-    for i in range(thrust.shape[0]):
-        wanted = min(thrust_limit[i], max(0.0, thrust_command[i]))
-        thrust[i] += lag[i] * (wanted - thrust[i])
-
-
 @dataclass(slots=True, eq=False)
 class Plant:
     """The full model, stepped at a fixed control rate.
 
-    Duties are limited to [-1, 1] and thrusts to what the thrusters give; thrust follows with the rotors' time constant
-    (0: at once, the paper's ideal rotor).
+    Duties are limited to [-1, 1] and thrusts to what the thrusters give. Whatever else sets a real robot apart from the
+    paper's is a switch of the `Fidelity`.
 
     Attributes:
         model: The full model; its terrain and ground law are the plant's.
         control_period: Time between two measurements [s].
         time_step: Integration step; a whole number of them must fit into the control period [s].
-        sensors: Imperfections of the sensors; None measures exactly.
+        thrust_scale: Thrust given over thrust commanded; other than 1 is an error that no controller knows of.
+        fidelity: What sets actuators and sensors apart from ideal ones; the default is nothing.
         command: What the actuators are told until it is written anew: servo targets, duties, brakes, thrusts, a push.
         stepper: The integrator, with the state, contact forces, counters, and what the actuators do.
         measurement: The last measurement as a flat array, shape (10 + 2 wheels,); see `measurement_now`.
+        sensors: What makes the measurement imperfect, or None.
     """
 
     model: FullModel
     control_period: float = 5e-3
     time_step: float = 1e-3
-    sensors: SensorModel | None = None
+    thrust_scale: float = 1.0
+    fidelity: Fidelity = field(default_factory=Fidelity)
     command: Actuation = field(init=False)
     stepper: ImplicitStepper = field(init=False)
     measurement: Array = field(init=False)
+    sensors: Sensors | None = field(init=False)
+    _actuators: Actuators | None = field(init=False, repr=False)
     _substeps: int = field(init=False, repr=False)
     _exact: Array = field(init=False, repr=False)
     _previous_velocity: Array = field(init=False, repr=False)
-    _generator: np.random.Generator = field(init=False, repr=False)
     _thrust_limit: Array = field(init=False, repr=False)
-    _rotor_lag: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.stepper = ImplicitStepper(self.model, self.time_step)
@@ -78,11 +70,15 @@ class Plant:
             raise InvalidSettingError(
                 "control_period [s]", self.control_period, f"a whole number of time steps of {self.time_step:g} s"
             )
-        thrusters = self.model.robot.thrusters
-        self._thrust_limit = np.array([thruster.maximum_thrust for thruster in thrusters], dtype=float)
-        constants = np.array([thruster.time_constant for thruster in thrusters], dtype=float)
-        lagging = np.where(constants > 0.0, constants, 1.0)
-        self._rotor_lag = np.where(constants > 0.0, -np.expm1(-self.control_period / lagging), 1.0)
+        fidelity = self.fidelity
+        self._thrust_limit = np.array([thruster.maximum_thrust for thruster in self.model.robot.thrusters], dtype=float)
+        acts_at_once = (
+            not (fidelity.servo_speed_limit or fidelity.motor_limits or fidelity.control_delay)
+            and fidelity.battery is None
+            and not rotor_time_constants(self.model, fidelity).any()
+        )
+        self._actuators = None if acts_at_once else Actuators(self.model, fidelity, self.time_step, self.thrust_scale)
+        self.sensors = None if fidelity.senses_exactly else Sensors(fidelity, self.control_period)
         self._exact = np.zeros(IMU_ENTRIES + 2 * len(self.model.robot.wheels))
         self.reset(self.stepper.configuration)
 
@@ -106,6 +102,12 @@ class Plant:
         """The last measurement, with names."""
         return Measurement.from_array(self.time, self.measurement)
 
+    @property
+    def battery(self) -> BatteryState | None:
+        """Voltage, current and charge of the battery; None if the supply is ideal."""
+        actuators = self._actuators
+        return None if actuators is None or actuators.supply is None else actuators.supply.state
+
     def reset(self, configuration: ArrayLike, velocity: ArrayLike | None = None) -> Array:
         """Start anew from a state; servos hold its joint angles, wheels and thrusters are off.
 
@@ -122,15 +124,26 @@ class Plant:
         """
         self.stepper.reset(configuration, velocity)
         self.command = Actuation.idle(self.model, self.stepper.configuration)
-        # Servo targets, brakes and pushes reach the actuators as they are; duties and thrusts are limited first.
         actuation = self.stepper.actuation
-        actuation.servo_targets = self.command.servo_targets
-        actuation.wheel_brake = self.command.wheel_brake
-        actuation.external_wrench = self.command.external_wrench
-        self._generator = np.random.default_rng(self.sensors.seed if self.sensors is not None else 0)
-        self._previous_velocity = self.stepper.velocity.copy()
+        if self._actuators is None:
+            # Servo targets, brakes and pushes act as they are commanded; duties and thrusts are limited first.
+            actuation.servo_targets = self.command.servo_targets
+            actuation.wheel_brake = self.command.wheel_brake
+            actuation.external_wrench = self.command.external_wrench
+        else:
+            self._actuators.reset(self.command, actuation)
+        if self.sensors is not None:
+            self.sensors.reset()
         self.measurement = np.zeros_like(self._exact)
-        return self._measure()
+        return self.measure_held()
+
+    def settle_actuators(self) -> None:
+        """Bring rotors, servo targets and delayed commands where they are when the command has been held for long.
+
+        A robot that is let go has its rotors running already. Ideal actuators need no settling.
+        """
+        if self._actuators is not None:
+            self._actuators.settle(self.command, self.stepper.actuation, self.stepper.velocity)
 
     def step(self) -> Array:
         """Advance by one control period with the present command.
@@ -141,14 +154,35 @@ class Plant:
         Raises:
             SimulationDivergedError: A velocity is NaN or unbounded.
         """
-        self._previous_velocity[:] = self.stepper.velocity
-        actuation = self.stepper.actuation
-        _drive_actuators(
-            self.command.wheel_duty, self.command.thrust, self._thrust_limit, self._rotor_lag, actuation.wheel_duty,
-            actuation.thrust,
-        )  # fmt: skip
-        self.stepper.step(self._substeps)
-        self.stepper.require_bounded()
+        stepper, command, actuators = self.stepper, self.command, self._actuators
+        self._previous_velocity[:] = stepper.velocity
+        actuation = stepper.actuation
+        if actuators is None:
+            drive_at_once(
+                command.wheel_duty,
+                command.thrust,
+                self._thrust_limit,
+                self.thrust_scale,
+                actuation.wheel_duty,
+                actuation.thrust,
+            )
+            stepper.step(self._substeps)
+        else:
+            wanted = actuators.take(command)
+            for _ in range(self._substeps):
+                actuators.advance(wanted, actuation, stepper.velocity)
+                stepper.step()
+            actuators.draw(actuation, stepper.velocity, self.control_period)
+        stepper.require_bounded()
+        return self._measure()
+
+    def measure_held(self) -> Array:
+        """Measure again at this instant, as if somebody held the robot: nothing accelerates.
+
+        Returns:
+            The measurement, flat; noisy sensors give another one at every call.
+        """
+        self._previous_velocity = self.stepper.velocity.copy()
         return self._measure()
 
     def _measure(self) -> Array:
@@ -160,9 +194,5 @@ class Plant:
         if self.sensors is None:
             self.measurement[:] = self._exact
         else:
-            wheels = len(self.model.wheel_joints)
-            measured_before = self.measurement[IMU_ENTRIES : IMU_ENTRIES + wheels].copy()
-            self.measurement[:] = disturb(
-                self.sensors, self._generator, self._exact, measured_before, self.control_period
-            )
+            self.sensors.disturb(self._exact, self.measurement)
         return self.measurement

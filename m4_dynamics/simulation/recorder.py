@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from m4_dynamics.control.controller import Diagnostics
 from m4_dynamics.full import kernels
+from m4_dynamics.simulation.battery import BatteryState
 from m4_dynamics.simulation.plant import Plant
 
 __all__ = ["Recorder"]
@@ -26,8 +27,10 @@ class Recorder:
         current_phase: Written into the rows' `phase`.
         time: [s], and so on; shapes start with `capacity`. Columns of `statistics` are named in `full/kernels.py`; they
             hold the peaks within the period and running sums. Columns of `diagnostics` are those of
-            `control.Diagnostics`; `control_seconds` is the wall-clock time that the balance controller took.
-            References are NaN where nothing was followed.
+            `control.Diagnostics`; `control_seconds` is the wall-clock time that the balance controller took. `thrust`
+            and `wheel_duty` are what acts at the period's end, not what was commanded. `battery` holds voltage [V],
+            current [A] and charge; it has no rows when the supply is ideal. References are NaN where nothing was
+            followed.
     """
 
     plant: Plant
@@ -52,6 +55,7 @@ class Recorder:
     point_force_in_world: Array = field(init=False)
     diagnostics: Array = field(init=False)
     control_seconds: Array = field(init=False)
+    battery: Array = field(init=False)
 
     def __post_init__(self) -> None:
         robot = self.plant.model.robot
@@ -74,6 +78,7 @@ class Recorder:
         self.point_force_in_world = np.zeros((n, len(robot.contact_points), 3))
         self.diagnostics = np.zeros((n, len(Diagnostics._fields)))
         self.control_seconds = np.zeros(n)
+        self.battery = np.zeros((n if self.plant.battery is not None else 0, len(BatteryState._fields)))
 
     def record_decision(
         self,
@@ -110,4 +115,6 @@ class Recorder:
         self.contact_position_in_world[k] = stepper.wheel_contact_in_world
         self.point_force_in_world[k] = stepper.point_force_in_world
         self.phase[k] = self.current_phase
+        if len(self.battery):
+            self.battery[k] = self.plant.battery
         self.count = k + 1

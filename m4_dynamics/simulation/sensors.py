@@ -1,13 +1,12 @@
 """What the robot can measure: an IMU on the base and an encoder on every wheel.
 
-A measurement is one flat array, so that it can be made, disturbed and read in microseconds. Without a sensor model the
-entries are exact; a `SensorModel` adds quantisation, noise and bias, seeded.
+A measurement is one flat array, so that it can be made, disturbed and read in microseconds. The plant's `Fidelity` says
+whether its entries are exact or quantised and noisy, and whether the attitude is among them.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from m4_dynamics.control.estimator import IMU_ENTRIES
-from m4_dynamics.errors import InvalidSettingError
+from m4_dynamics.control.imu import ImuErrors
+from m4_dynamics.simulation.fidelity import Fidelity
 
-__all__ = ["Measurement", "SensorModel", "disturb", "measure"]
+__all__ = ["Measurement", "Sensors", "measure"]
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class Measurement:
 
     Attributes:
         time: [s].
-        attitude: Orientation of the base in the world, quaternion (x, y, z, w), shape (4,).
+        attitude: Orientation of the base in the world, quaternion (x, y, z, w), shape (4,); NaN if it is not measured.
         angular_rate_in_base: Shape (3,) [rad/s].
         proper_acceleration_in_base: What an accelerometer reads, mean over the last sample, shape (3,) [m/s^2].
         wheel_angle: Joint angles counted without wrapping, shape (wheels,) [rad].
@@ -54,35 +54,6 @@ class Measurement:
             wheel_angle=values[IMU_ENTRIES : IMU_ENTRIES + wheels].copy(),
             wheel_rate=values[IMU_ENTRIES + wheels :].copy(),
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorModel:
-    """Imperfections of the sensors; every default is the ideal sensor.
-
-    Attributes:
-        encoder_resolution: Angle of one encoder count; the rate is the count difference over one sample [rad].
-        attitude_noise: Standard deviation of roll, pitch and yaw of the attitude solution [rad].
-        gyro_noise: Standard deviation of one angular-rate sample [rad/s].
-        gyro_bias: Constant offset of every angular rate [rad/s].
-        accelerometer_noise: Standard deviation of one acceleration sample [m/s^2].
-        seed: Seed of the noise.
-    """
-
-    encoder_resolution: float = 0.0
-    attitude_noise: float = 0.0
-    gyro_noise: float = 0.0
-    gyro_bias: float = 0.0
-    accelerometer_noise: float = 0.0
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("encoder_resolution", "attitude_noise", "gyro_noise", "accelerometer_noise"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InvalidSettingError(name, value, "a finite number >= 0")
-        if not math.isfinite(self.gyro_bias):
-            raise InvalidSettingError("gyro_bias", self.gyro_bias, "a finite number")
 
 
 @njit(cache=True)
@@ -118,40 +89,85 @@ def measure(
         out[IMU_ENTRIES + wheels + i] = velocity[wheel_velocity_indices[i]]
 
 
-def disturb(
-    model: SensorModel, generator: np.random.Generator, exact: Array, previous_wheel_angles: Array, period: float
-) -> Array:
-    """A measurement as imperfect sensors would give it.
+@njit(cache=True)
+def _disturb(
+    exact: Any, normals: Any, deviations: Any, bias: Any, attitude_given: bool, resolution: float, period: float,
+    out: Any,
+) -> None:  # fmt: skip
+    """Turn an exact measurement into an imperfect one; `out` holds the last one before.
 
     Args:
-        model: The imperfections.
-        generator: Source of the noise.
-        exact: Exact measurement, shape (10 + 2 wheels,).
-        previous_wheel_angles: Measured wheel angles of the sample before, shape (wheels,) [rad].
+        exact: Shape (10 + 2 wheels,).
+        normals: Independent standard normal numbers, shape (9,): gyro, accelerometer, wandering of the gyro's offset.
+        deviations: Standard deviations of a gyro sample, of an accelerometer sample, of the offset's step.
+        bias: Offsets of gyro and accelerometer, shape (6,); the gyro's wander.
+        attitude_given: Whether the attitude is measured.
+        resolution: Angle of one encoder count [rad], or 0.
         period: Time between samples [s].
-
-    Returns:
-        The disturbed measurement, same shape.
+        out: Overwritten.
     """
-    out = exact.copy()
-    wheels = (len(exact) - IMU_ENTRIES) // 2
-    if model.attitude_noise > 0.0:
-        half = 0.5 * model.attitude_noise * generator.standard_normal(3)
-        x, y, z, w = exact[:4]
-        # Quaternion product with the small rotation (half, 1).
-        out[:3] = (
-            x + w * half[0] + y * half[2] - z * half[1],
-            y + w * half[1] + z * half[0] - x * half[2],
-            z + w * half[2] + x * half[1] - y * half[0],
-        )
-        out[3] = w - x * half[0] - y * half[1] - z * half[2]
-        out[:4] /= np.linalg.norm(out[:4])
-    out[4:7] += model.gyro_bias + model.gyro_noise * generator.standard_normal(3)
-    out[7:10] += model.accelerometer_noise * generator.standard_normal(3)
-    if model.encoder_resolution > 0.0:
-        angles = model.encoder_resolution * np.round(
-            exact[IMU_ENTRIES : IMU_ENTRIES + wheels] / model.encoder_resolution
-        )
-        out[IMU_ENTRIES : IMU_ENTRIES + wheels] = angles
-        out[IMU_ENTRIES + wheels :] = (angles - previous_wheel_angles) / period
-    return out
+    for i in range(4):
+        out[i] = exact[i] if attitude_given else np.nan
+    for i in range(3):
+        bias[i] += deviations[2] * normals[6 + i]
+        out[4 + i] = exact[4 + i] + bias[i] + deviations[0] * normals[i]
+        out[7 + i] = exact[7 + i] + bias[3 + i] + deviations[1] * normals[3 + i]
+    wheels = (exact.shape[0] - IMU_ENTRIES) // 2
+    for i in range(wheels):
+        angle, rate = IMU_ENTRIES + i, IMU_ENTRIES + wheels + i
+        if resolution > 0.0:
+            counted = resolution * np.floor(exact[angle] / resolution + 0.5)
+            out[rate] = (counted - out[angle]) / period
+            out[angle] = counted
+        else:
+            out[angle] = exact[angle]
+            out[rate] = exact[rate]
+
+
+@dataclass(slots=True, eq=False)
+class Sensors:
+    """Imperfect sensors at work: what they add to an exact measurement.
+
+    Attributes:
+        fidelity: Which imperfections.
+        period: Time between samples [s].
+        bias: Present offsets of gyro [rad/s] and accelerometer [m/s^2], shape (6,).
+    """
+
+    fidelity: Fidelity
+    period: float
+    bias: Array = field(init=False)
+    _generator: np.random.Generator = field(init=False, repr=False)
+    _deviations: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        imu = self.fidelity.imu
+        self._deviations = np.zeros(3)
+        if imu is not None:
+            self._deviations[:] = (
+                ImuErrors.sample_deviation(imu.gyro_noise, self.period),
+                ImuErrors.sample_deviation(imu.accelerometer_noise, self.period),
+                imu.gyro_bias_walk * np.sqrt(self.period),
+            )
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew, with the offsets and the noise of the seed."""
+        imu = self.fidelity.imu
+        self._generator = np.random.default_rng(self.fidelity.seed)
+        self.bias = np.zeros(6)
+        if imu is not None:
+            self.bias[:3] = imu.gyro_bias * self._generator.standard_normal(3)
+            self.bias[3:] = imu.accelerometer_bias * self._generator.standard_normal(3)
+
+    def disturb(self, exact: Array, measurement: Array) -> None:
+        """Make an imperfect measurement.
+
+        Args:
+            exact: The exact one, shape (10 + 2 wheels,).
+            measurement: The last imperfect one, overwritten with the new one.
+        """
+        _disturb(
+            exact, self._generator.standard_normal(9), self._deviations, self.bias,
+            not self.fidelity.attitude_estimated, self.fidelity.encoder_resolution, self.period, measurement,
+        )  # fmt: skip

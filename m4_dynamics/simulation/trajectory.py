@@ -176,11 +176,11 @@ def build_trajectory(
         "slope": (("time",), motion.slope, "rad", "slope of the ground under the wheels"),
         "phase": (("time",), recorder.phase[:n], "1", "index of the mission's phase"),
         "heading": (("time",), motion.heading, "rad", "true heading about the slope normal, left of uphill"),
-        "heading_estimated": (("time",), recorder.heading_estimated[:n], "rad", "heading from wheel odometry"),
+        "heading_estimated": (("time",), recorder.heading_estimated[:n], "rad", "heading that the controller saw"),
         "differential_duty": (("time",), recorder.differential_duty[:n], "1", "duty of the heading hold"),
         "wheel_duty": (("time", wheel), rolling * recorder.wheel_duty[:n], "1",
                        "motor duty, positive drives a drive wheel forward, others about their joint axis"),
-        "thrust": (("time", thruster), recorder.thrust[:n], "N", "thrust"),
+        "thrust": (("time", thruster), recorder.thrust[:n], "N", "thrust that the rotors give"),
         "servo_torque": (("time", servo), recorder.servo_torque[:n], "N m", "servo torque"),
         "contact_force_in_world": (("time", wheel, xyz), contact_force, "N",
                                    "force of the ground on the wheel, mean over the sample"),
@@ -210,6 +210,11 @@ def build_trajectory(
         "terrain_x": (("terrain_point",), model.terrain.profile_in_world[:, 0], "m", "terrain profile, x"),
         "terrain_z": (("terrain_point",), model.terrain.profile_in_world[:, 1], "m", "terrain profile, z"),
     }  # fmt: skip
+    if len(recorder.battery):
+        voltage, current, charge = recorder.battery[:n].T
+        variables["battery_voltage"] = (("time",), voltage, "V", "voltage of the battery under load")
+        variables["battery_current"] = (("time",), current, "A", "current drawn from the battery")
+        variables["battery_charge"] = (("time",), charge, "1", "charge left in the battery")
     dataset = xarray.Dataset(
         {
             name: (dims, np.ascontiguousarray(values), {"units": units, "long_name": label})
@@ -233,6 +238,8 @@ def build_trajectory(
             "wheel_radius_m": reduction.parameters.wheel_radius,
             "weight_N": reduction.parameters.mass * reduction.parameters.gravity,
             "drive_wheels": [robot.wheels[index].joint for index in (wheels.left, wheels.right)],
+            "fidelity": ", ".join(recorder.plant.fidelity.switches) or "ideal",
+            "seed": recorder.plant.fidelity.seed,
             "version": __version__,
             **{f"sha256_{kind}": digest for kind, digest in robot.file_hashes.items()},
             **attributes,

@@ -83,6 +83,10 @@ class ClimbSummary:
         end_speed_m_s: True speed of the axle at the end.
         ground_force_rms_over_weight: Model against simulated ground force, both components, after the first second.
         steady_cost: Sum of e^T Q e over the samples after the first second, the paper's Q, true state.
+        pitch_estimate_rms_deg: Error of the pitch that the controller saw, after the first second.
+        heading_estimate_max_deg: Largest error of the heading that it saw, after the first second.
+        battery_min_V: Lowest voltage of the battery; None where the supply is ideal.
+        battery_charge_end: Charge left at the end.
         fallbacks: Control steps answered by the fallback.
         newton_failures: Simulation steps whose contact forces did not converge.
         mpc_step_us: Median and 99th percentile of the controller's time per step.
@@ -94,6 +98,7 @@ class ClimbSummary:
     slope_deg: float
     friction_static: float
     controller: str
+    fidelity: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     speed_m_s: float | None = None
     duration_s: float | None = None
@@ -117,6 +122,10 @@ class ClimbSummary:
     end_speed_m_s: float | None = None
     ground_force_rms_over_weight: float | None = None
     steady_cost: float | None = None
+    pitch_estimate_rms_deg: float | None = None
+    heading_estimate_max_deg: float | None = None
+    battery_min_V: float | None = None
+    battery_charge_end: float | None = None
     fallbacks: int | None = None
     newton_failures: int | None = None
     servo_saturations: int | None = None
@@ -187,8 +196,15 @@ def summarise_climb(dataset: xarray.Dataset, *, ended: str | None, **context: An
         "end_speed_m_s": radius * abs(float(state[-1, 2])),
         "ground_force_rms_over_weight": rms(np.linalg.norm(force_error[settled], axis=1) / weight),
         "steady_cost": float(dataset["tracking_cost"].to_numpy()[settled].sum()) if settled.any() else None,
+        "pitch_estimate_rms_deg": rms(np.degrees(dataset["state_estimated"].to_numpy() - state)[settled, 1]),
+        "heading_estimate_max_deg": peak(
+            np.degrees((dataset["heading_estimated"] - dataset["heading"]).to_numpy()[settled])
+        ),
         "fallbacks": int(dataset["fallback"].to_numpy().sum()),
     }
+    if "battery_voltage" in dataset:
+        figures["battery_min_V"] = float(dataset["battery_voltage"].min())
+        figures["battery_charge_end"] = float(dataset["battery_charge"][-1])
     verdict, reason = _verdict(figures, ended)
     return ClimbSummary(
         verdict=verdict.value,

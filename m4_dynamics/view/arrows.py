@@ -15,6 +15,7 @@ __all__ = ["HIDDEN_SCALE", "arrow_commands", "arrow_motions", "round_scale"]
 HIDDEN_SCALE = 1e-5  # of something that is not to be seen; zero would make its transform singular
 _SHAFT_RADIUS, _HEAD_RADIUS, _HEAD_LENGTH = 0.010, 0.027, 0.070  # [m]
 _LEAST_LENGTH = 4e-3  # [m] shorter arrows are hidden
+_KNOCKS = 5e-3  # share of the instants in which a force may be larger, as at a corner of the ground
 _LONGEST_ARROW = 0.65  # [m] wanted for the largest force in sight
 
 
@@ -69,7 +70,7 @@ def arrow_motions(path: str, origin: ArrayLike, force: ArrayLike, *, metres_per_
 
 
 def round_scale(forces: Iterable[ArrayLike]) -> float:
-    """A round length per force at which the largest force makes an arrow of good length.
+    """A round length per force at which the largest force, short knocks aside, makes an arrow of good length.
 
     Args:
         forces: Forces, each of shape (..., 3) [N].
@@ -79,8 +80,10 @@ def round_scale(forces: Iterable[ArrayLike]) -> float:
     """
     largest = 0.0
     for force in forces:
-        lengths = np.linalg.norm(np.asarray(force, dtype=float), axis=-1)
-        largest = max(largest, float(np.max(lengths[np.isfinite(lengths)], initial=0.0)))
+        lengths = np.linalg.norm(np.asarray(force, dtype=float), axis=-1).ravel()
+        lengths = lengths[np.isfinite(lengths)]
+        if lengths.size:
+            largest = max(largest, float(np.quantile(lengths, 1.0 - _KNOCKS)))
     if largest <= 0.0:
         return 0.01
     wanted = _LONGEST_ARROW / largest

@@ -47,13 +47,27 @@ def climb_table(summary: ClimbSummary) -> Table:
             "<= 3",
         ),
         ("steady tracking cost", s.steady_cost, "", ""),
+        *_imperfections(s),
         ("fallbacks", s.fallbacks, "steps", "0"),
         ("contact solver failures", s.newton_failures, "steps", "0"),
         ("control step, median / 99 %", f"{times.median:.0f} / {times.p99:.0f}" if times else None, "us", ""),
         ("real-time factor", s.real_time_factor, "", ">= 25"),
     ]
-    title = f"Climb of {s.slope_deg:g} deg, mu_s {s.friction_static:g}, controller {s.controller}"
+    plant = ", realistic plant" if s.fidelity else ""
+    title = f"Climb of {s.slope_deg:g} deg, mu_s {s.friction_static:g}, controller {s.controller}{plant}"
     return make_table(title, ("figure", "value", "unit", "limit"), rows)
+
+
+def _imperfections(summary: ClimbSummary) -> list[tuple[str, object, str, str]]:
+    """What the estimator and the battery came to, on a plant that is not ideal."""
+    rows: list[tuple[str, object, str, str]] = []
+    if summary.fidelity:
+        rows.append(("pitch estimate, error RMS", summary.pitch_estimate_rms_deg, "deg", ""))
+        rows.append(("heading estimate, largest error", summary.heading_estimate_max_deg, "deg", ""))
+    if summary.battery_min_V is not None:
+        rows.append(("lowest battery voltage", summary.battery_min_V, "V", ""))
+        rows.append(("charge left", _scaled(summary.battery_charge_end, 1e2), "%", ""))
+    return rows
 
 
 def _scaled(value: float | None, factor: float) -> float | None:

@@ -28,6 +28,7 @@ from m4_dynamics.view.frames import Frames, sample_frames
 from m4_dynamics.view.friction import friction_use_in_plane, worst_wheel
 from m4_dynamics.view.ground import TILE_LENGTH, clip_profile
 from m4_dynamics.view.motion import animation_command, motion_matrix
+from m4_dynamics.view.phases import balancing_samples, phases_of
 from m4_dynamics.view.scene import (
     COM_COLOUR,
     CONTACT_COLOUR,
@@ -107,7 +108,7 @@ def replay_html(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: flo
         title=_title(dataset, robot),
         commands=commands,
         facts={
-            "conditions": run_facts(dataset),
+            "conditions": [fact for fact in run_facts(dataset) if not fact.startswith("mission ")],
             "legend": [
                 {"kind": "arrow", "colour": THRUST_COLOUR, "text": "thrust on the robot"},
                 {"kind": "arrow", "colour": CONTACT_COLOUR, "text": "ground on a wheel"},
@@ -118,14 +119,30 @@ def replay_html(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: flo
             "start_time": _rounded([frames.time[0]], 4)[0],
             "times": _rounded(frames.elapsed, 4),
             "readouts": _readouts(dataset, frames),
+            "phases": _phases(dataset, frames),
             "camera": _camera(robot, bounds),
         },
     )
 
 
 def _title(dataset: xarray.Dataset, robot: Robot) -> str:
-    slope = dataset.attrs.get("slope_deg")
-    return robot.name if slope is None else f"{robot.name} on a {float(slope):g}° slope"
+    slope = float(dataset.attrs.get("slope_deg", 0.0))
+    if dataset.attrs.get("mission"):
+        return f"{robot.name}: mission {dataset.attrs['mission']}"
+    return f"{robot.name} on a {slope:g}° slope" if slope else robot.name
+
+
+def _phases(dataset: xarray.Dataset, frames: Frames) -> list[dict[str, Any]]:
+    """The phases of a mission, their times counted from the first frame."""
+    return [
+        {
+            "label": phase.label,
+            "colour": phase.colour,
+            "start": round(phase.start - float(frames.time[0]), 4),
+            "end": round(phase.end - float(frames.time[0]), 4),
+        }
+        for phase in phases_of(dataset)
+    ]
 
 
 def _camera(robot: Robot, bounds: Bounds) -> dict[str, Any]:
@@ -148,22 +165,33 @@ def _readouts(dataset: xarray.Dataset, frames: Frames) -> list[dict[str, Any]]:
         return _rounded(np.interp(frames.time, time, np.asarray(values, dtype=float)), digits)
 
     readouts: list[dict[str, Any]] = []
-    if "axle_position_in_world" in dataset:
+
+    def show(label: str, unit: str, digits: int, values: ArrayLike) -> None:
+        readouts.append({"label": label, "unit": unit, "digits": digits, "values": at_frames(values, digits + 1)})
+
+    balancing = balancing_samples(dataset)
+    if "travel" in dataset and phases_of(dataset):
+        show(
+            "way along the ground" if not dataset.attrs.get("slope_deg") else "way from the foot",
+            "m",
+            2,
+            dataset.travel,
+        )
+        show("ground", "°", 0, np.rad2deg(dataset["slope"].values))
+    elif "axle_position_in_world" in dataset:
         axle = dataset["axle_position_in_world"].values
-        way = np.linalg.norm(axle - axle[0], axis=1)
-        readouts.append({"label": "distance", "unit": "m", "digits": 2, "values": at_frames(way, 3)})
+        show("distance", "m", 2, np.linalg.norm(axle - axle[0], axis=1))
     if "state" in dataset:
-        pitch = np.rad2deg(dataset["state"].values[:, 1])
-        readouts.append({"label": "pitch", "unit": "°", "digits": 1, "values": at_frames(pitch, 2)})
-    thrust = dataset["thrust"].sum("thruster").values
-    readouts.append({"label": "thrust", "unit": "N", "digits": 1, "values": at_frames(thrust, 2)})
-    if "friction_use" in dataset:
-        use = 100.0 * worst_wheel(np.asarray(dataset["friction_use"].values, dtype=float))
-        readouts.append({"label": "friction use", "unit": "%", "digits": 0, "values": at_frames(use, 1)})
-    elif "ground_force_simulated" in dataset and "friction_static" in dataset.attrs:
+        show("pitch", "°", 1, np.rad2deg(dataset["state"].values[:, 1]))
+    show("thrust", "N", 1, dataset["thrust"].sum("thruster").values)
+    if "ground_force_simulated" in dataset and "friction_static" in dataset.attrs:
         force = np.asarray(dataset["ground_force_simulated"].values, dtype=float)
-        use = 100.0 * friction_use_in_plane(force, float(dataset.attrs["friction_static"]))
-        readouts.append({"label": "friction use", "unit": "%", "digits": 0, "values": at_frames(use, 1)})
+        use = friction_use_in_plane(force, float(dataset.attrs["friction_static"]))
+        show("friction use", "%", 0, np.where(balancing, 100.0 * use, np.nan))
+    if "friction_use" in dataset:
+        # Wheels on legs also press against each other, which drives a robot nowhere.
+        use = worst_wheel(np.asarray(dataset["friction_use"].values, dtype=float))
+        show("with sideways", "%", 0, np.where(balancing, 100.0 * use, np.nan))
     return readouts
 
 

@@ -25,6 +25,7 @@ __all__ = [
     "dress_axes",
     "label_lines",
     "new_figure",
+    "peak_limits",
     "run_facts",
     "run_subtitle",
     "save_figure",
@@ -53,6 +54,8 @@ _SUBTITLE_SIZE = 10.0
 _AXES_TITLE_SIZE = 10.5
 _LABEL_SIZE = 9.0
 _DOTS_PER_INCH = 150
+_PEAK_SHARE = 2e-3  # of all samples; rarer values may leave a panel
+_ONE_PEAK = 0.3  # [s] excursions that follow each other more quickly are one
 
 
 def new_figure(*, width: float, height: float) -> Figure:
@@ -183,6 +186,53 @@ def tight_limits(axes: Axes, *series: ArrayLike, include: tuple[float, ...] = ()
     axes.set_ylim(low - missing - margin, high + missing + 1.6 * margin)
 
 
+def peak_limits(
+    axes: Axes, time: NDArray[np.float64], *series: NDArray[np.float64], include: tuple[float, ...] = ()
+) -> None:
+    """Set the vertical range to the data, but let short peaks that would flatten the rest leave it, with their values.
+
+    Args:
+        axes: The axes.
+        time: When, shape (n,).
+        series: Data drawn, each of shape (n,), NaN where there is none.
+        include: Values that must be in sight.
+    """
+    finite = np.concatenate([one[np.isfinite(one)] for one in series])
+    if finite.size == 0:
+        return
+    usual = np.quantile(finite, (_PEAK_SHARE, 1.0 - _PEAK_SHARE))
+    low, high = min(usual[0], *include, usual[1]), max(usual[1], *include)
+    room = 0.5 * (high - low)
+    peaks = bool(finite.max() > high + room)
+    troughs = bool(finite.min() < low - room)
+    kept = finite[(finite <= high + room) & (finite >= low - room)]
+    tight_limits(axes, kept, include=include)
+    if peaks or troughs:
+        low, high = axes.get_ylim()
+        # Room for the values, which stand where the peaks leave the panel.
+        axes.set_ylim(low - 0.12 * troughs * (high - low), high + 0.12 * peaks * (high - low))
+    for values in series:
+        if peaks:
+            _name_peaks(axes, time, values, above=True)
+        if troughs:
+            _name_peaks(axes, time, -values, above=False)
+
+
+def _name_peaks(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], *, above: bool) -> None:
+    """Write the value of each stretch that leaves the range at the edge where it leaves; below, values are negated."""
+    edge = axes.get_ylim()[1] if above else -axes.get_ylim()[0]
+    outside = np.flatnonzero(np.nan_to_num(values, nan=-np.inf) > edge)
+    for stretch in np.split(outside, np.flatnonzero(np.diff(time[outside]) > _ONE_PEAK) + 1):
+        if stretch.size:
+            top = stretch[int(np.argmax(values[stretch]))]
+            value = values[top] if above else -values[top]
+            axes.annotate(
+                f"{value:.0f}", xy=(float(time[top]), float(above)), xycoords=axes.get_xaxis_transform(),
+                xytext=(4, -2 if above else 2), textcoords="offset points", ha="left", va="top" if above else "bottom",
+                size=_LABEL_SIZE - 1.5, color=COLOURS["slate"],
+            )  # fmt: skip
+
+
 def series_colours(count: int) -> list[str]:
     """Colours for a family of lines, in an order that keeps neighbours apart.
 
@@ -207,8 +257,11 @@ def run_facts(dataset: xarray.Dataset) -> list[str]:
     """
     attributes = dataset.attrs
     facts: list[str] = []
+    if attributes.get("mission"):
+        facts.append(f"mission {attributes['mission']}")
     if "slope_deg" in attributes:
-        facts.append(f"slope {float(attributes['slope_deg']):g}°")
+        slope = float(attributes["slope_deg"])
+        facts.append(f"slope {slope:g}°" if slope else "level ground")
     if "friction_static" in attributes:
         facts.append(f"friction μₛ {float(attributes['friction_static']):g}")
     if attributes.get("controller"):

@@ -86,8 +86,9 @@ def simulate(pendulum: MipParameters) -> Callable[..., Run]:
         pitch_error_deg: float = 0.0,
         steps: int | None = None,
         push: tuple[int, float] | None = None,
+        plant: np.ndarray | None = None,
     ) -> Run:
-        p = pendulum.as_array()
+        p = pendulum.as_array() if plant is None else plant
         dt = reference.time_step
         x = reference.state[0].copy()
         x[1] += np.radians(pitch_error_deg)

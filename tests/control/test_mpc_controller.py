@@ -44,7 +44,9 @@ def test_converged_plan_is_the_minimum_of_the_nonlinear_problem(pendulum, make_c
     # The same problem (paper, eq. mpc_formulation) through the readable model and SLSQP, with active friction rows.
     case = make_case(45.0)
     n, sample = 5, 150
-    configuration = MpcSettings(horizon=n, friction_static=0.74, sqp_iterations=50, solver_tolerance=1e-10)
+    configuration = MpcSettings(
+        horizon=n, friction_static=0.74, sqp_iterations=50, solver_tolerance=1e-10, disturbance_rejection=False
+    )
     controller = MpcController(pendulum, case.reference, configuration)
     state = case.reference.state[sample] + np.array([0.02, -0.08, 0.1, -0.1])
     controller.control(sample, state)

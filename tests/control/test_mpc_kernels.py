@@ -12,6 +12,7 @@ from m4_dynamics.control.mpc.plan import Plan
 from m4_dynamics.control.mpc.problem import Problem
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.mpc.sqp import SqpOptimiser
+from m4_dynamics.control.mpc.target import Target
 from m4_dynamics.reduced.ground_force import ground_force_in_slope
 from m4_dynamics.reduced.pendulum import state_derivative
 
@@ -58,7 +59,9 @@ def setup(pendulum, make_case):
         optimiser, plan = SqpOptimiser(problem), Plan(N)
         plan.inputs[:] = case.reference.inputs[sample : sample + N] + np.array([0.05, 1.0])
         nominal = plan.inputs.copy()
-        optimiser.improve(plan, state, sample)
+        target = Target(problem)
+        target.aim(sample)
+        optimiser.improve(plan, state, target)
         return Dense(pendulum, case, problem, state, sample), optimiser, plan, nominal
 
     return make

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -16,7 +14,6 @@ from m4_dynamics.full.terrain import flat_terrain, incline_terrain
 from m4_dynamics.reduced.reduction import configuration_on_slope, reduce_robot, velocity_on_slope
 from m4_dynamics.simulation.balance import balance_estimator, drive_wheels
 from m4_dynamics.simulation.plant import Plant
-from m4_dynamics.simulation.sensors import SensorModel
 
 
 @pytest.fixture(scope="module")
@@ -77,37 +74,6 @@ def test_actuators_are_limited(m4):
     plant.step()
     np.testing.assert_array_equal(plant.stepper.actuation.wheel_duty, 1.0)
     np.testing.assert_array_equal(plant.stepper.actuation.thrust, [t.maximum_thrust for t in m4.thrusters])
-
-
-def test_rotors_lag_with_their_time_constant(m4):
-    from dataclasses import replace
-
-    lagging = replace(m4, thrusters=tuple(replace(thruster, time_constant=0.15) for thruster in m4.thrusters))
-    plant = Plant(FullModel.build(lagging, flat_terrain()))
-    plant.reset(standing(m4))
-    plant.command.thrust[:] = 5.0
-    for _ in range(30):
-        plant.step()
-    np.testing.assert_allclose(plant.stepper.actuation.thrust, 5.0 * (1.0 - math.exp(-1.0)), rtol=1e-9)
-
-
-def test_sensor_model_quantises_disturbs_and_repeats(m4):
-    sensors = SensorModel(
-        encoder_resolution=0.01, attitude_noise=0.01, gyro_noise=0.02, gyro_bias=0.1, accelerometer_noise=0.1, seed=3
-    )
-    runs = []
-    for _ in range(2):
-        plant = Plant(FullModel.build(m4, flat_terrain()), sensors=sensors)
-        plant.reset(standing(m4))
-        plant.command.wheel_duty[:] = 0.1
-        runs.append(np.array([plant.step().copy() for _ in range(400)]))
-    np.testing.assert_array_equal(runs[0], runs[1])
-    angles = runs[0][:, IMU_ENTRIES : IMU_ENTRIES + 4]
-    np.testing.assert_allclose(angles / 0.01, np.round(angles / 0.01), atol=1e-6)
-    rates = runs[0][:, 4:7]
-    assert rates.mean() == pytest.approx(0.1, abs=0.005)
-    assert rates.std() == pytest.approx(0.02, rel=0.3)
-    np.testing.assert_allclose(np.linalg.norm(runs[0][:, :4], axis=1), 1.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.05, -0.2])

@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from m4_dynamics.control.controller import Diagnostics
+from m4_dynamics.control.disturbance import DisturbanceEstimator
 from m4_dynamics.control.mpc.kernels import all_finite
 from m4_dynamics.control.mpc.plan import Plan
 from m4_dynamics.control.mpc.problem import Problem
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.mpc.sqp import SqpOptimiser
+from m4_dynamics.control.mpc.target import Target
 from m4_dynamics.control.reference import ReferenceTrajectory
 from m4_dynamics.errors import InvalidSettingError, require_finite, require_shape
 from m4_dynamics.reduced.pendulum import STATE_LABELS, MipParameters
@@ -33,6 +35,8 @@ class MpcController:
     Attributes:
         problem: What is solved.
         plan: The last plan.
+        target: What the last step aimed at.
+        estimator: Of the disturbance; None without disturbance rejection.
         fallbacks: Steps since the start whose inputs did not come from the optimiser.
         fallbacks_to_lqr: Those of them that came from the LQR.
     """
@@ -56,6 +60,8 @@ class MpcController:
         self.plan = Plan(settings.horizon)
         self.fallbacks = 0
         self.fallbacks_to_lqr = 0
+        self.estimator = DisturbanceEstimator(parameters, reference) if settings.disturbance_rejection else None
+        self.target = Target(self.problem, None if self.estimator is None else self.estimator.model)
         self._optimiser = SqpOptimiser(self.problem)
         self._diagnostics = Diagnostics()
         self._lower = np.array([settings.duty_limits[0], settings.thrust_limits[0]])
@@ -70,6 +76,8 @@ class MpcController:
         """Drop plan, warm start and counters."""
         self.plan.clear()
         self._optimiser.qp.reset()
+        if self.estimator is not None:
+            self.estimator.reset()
         self.fallbacks = 0
         self.fallbacks_to_lqr = 0
         self._diagnostics = Diagnostics()
@@ -83,20 +91,23 @@ class MpcController:
         if not all_finite(state):
             require_finite("state", state, STATE_LABELS)
 
-        problem, plan, optimiser = self.problem, self.plan, self._optimiser
-        sample = min(step, problem.last_step)
+        plan, target, optimiser, estimator = self.plan, self.target, self._optimiser, self.estimator
+        sample = min(step, self.problem.last_step)
+        if estimator is not None:
+            estimator.measure(step, state)
+        target.aim(sample)
         if not plan.move_to(step):
             # The reference's own inputs are where to start from without a plan.
-            np.clip(
-                problem.inputs[sample : sample + problem.settings.horizon], self._lower, self._upper, out=plan.inputs
-            )
-        status, optimised = optimiser.improve(plan, state, sample)
+            np.clip(target.inputs, self._lower, self._upper, out=plan.inputs)
+        status, optimised = optimiser.improve(plan, state, target)
         if optimised:
             plan.step = step
             plan.age = 0
             inputs: _Array = plan.inputs[0].copy()
         else:
             inputs = self._fall_back(state, sample)
+        if estimator is not None:
+            estimator.apply(step, target.slopes[0], inputs)
         cost, _, slack, residual = optimiser.outcome.tolist()
         self._diagnostics = Diagnostics(cost, slack, status, optimiser.iterations, not optimised, residual)
         return inputs
@@ -110,6 +121,7 @@ class MpcController:
             return planned
         self.fallbacks_to_lqr += 1
         plan.clear()
-        inputs = problem.inputs[sample] - problem.gains[sample] @ (state - problem.states[sample])
+        wanted = problem.states[sample] + [0.0, self.target.pitch_shift, 0.0, 0.0]
+        inputs = self.target.inputs[0] - problem.gains[sample] @ (state - wanted)
         saturated: _Array = np.clip(inputs, self._lower, self._upper)
         return saturated

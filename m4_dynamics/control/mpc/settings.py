@@ -38,6 +38,10 @@ class MpcSettings:
         normal_force_min: Least normal force that the plan keeps [N].
         duty_limits: Hard bounds of the motor duty.
         thrust_limits: Hard bounds of the thrust [N]; (0, 0) for a robot without thrusters.
+        thrust_margin: A target that the disturbance estimate has moved stays this far inside the thrust's limits [N],
+            because on a limit one of two inputs is lost.
+        disturbance_rejection: Whether the controller estimates what the model lacks (`control.disturbance`) and counts
+            on it; without, a wrong mass, CoM or thrust leaves the wheels centimetres off.
         slack_weight: Cost of one newton of violation of the ground constraints [1/N]. The penalty is exact: while the
             sum of the constraints' multipliers stays below it, the plan violates nothing that it could satisfy. The
             default is exact for disturbances up to some 5 deg of pitch and yields to larger ones, into the friction
@@ -65,6 +69,8 @@ class MpcSettings:
     normal_force_min: float = 5.0
     duty_limits: tuple[float, float] = (-1.0, 1.0)
     thrust_limits: tuple[float, float] = (0.0, 43.2)
+    thrust_margin: float = 2.0
+    disturbance_rejection: bool = True
     slack_weight: float = 50.0
     slack_curvature: float = 1.0
     sqp_iterations: int = 1
@@ -99,6 +105,7 @@ class MpcSettings:
             friction_fraction=1.0,
             normal_force_min=0.0,
             thrust_limits=thrust_limits,
+            disturbance_rejection=False,
         )
 
     @property

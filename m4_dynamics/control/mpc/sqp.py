@@ -13,6 +13,7 @@ from m4_dynamics.control.mpc.kernels import condense, evaluate, read_out
 from m4_dynamics.control.mpc.plan import Plan
 from m4_dynamics.control.mpc.problem import Problem
 from m4_dynamics.control.mpc.qp import QuadraticProgramme
+from m4_dynamics.control.mpc.target import Target
 from m4_dynamics.reduced.kernels import rollout_and_linearise
 
 __all__ = ["SqpOptimiser"]
@@ -88,13 +89,13 @@ class SqpOptimiser:
         self.outcome: _Array = np.zeros(kernels.OUTCOME_COUNT)
         self.iterations = 0
 
-    def improve(self, plan: Plan, state: _Array, sample: int) -> tuple[ControlStatus, bool]:
+    def improve(self, plan: Plan, state: _Array, target: Target) -> tuple[ControlStatus, bool]:
         """Optimise a plan's inputs and states in place.
 
         Args:
             plan: Its inputs are the starting point, within their bounds.
             state: The measured x_0, shape (4,), finite.
-            sample: Index of the reference that belongs to x_0.
+            target: What to aim at.
 
         Returns:
             The last verdict on a QP, and whether the plan was optimised; if not, its inputs are as they were and
@@ -103,17 +104,14 @@ class SqpOptimiser:
         problem, qp, inputs = self._problem, self.qp, plan.inputs
         settings = problem.settings
         states, a, b, force, force_x, force_u = self.linearisation
-        end = sample + settings.horizon
-        slopes = problem.slopes[sample:end]
-        state_reference = problem.states[sample + 1 : end + 1]
-        input_reference = problem.costed_inputs[sample:end]
-        terminal = problem.terminals[end]
+        slopes, terminal = target.slopes, target.terminal
+        state_reference, input_reference = target.states, target.costed_inputs
         self.iterations = 0
         optimised = False
         status = ControlStatus.SOLVED
         for _ in range(settings.sqp_iterations):
             rollout_and_linearise(
-                problem.parameters, slopes, state, inputs, settings.time_step, states, a, b, force, force_x, force_u
+                target.model, slopes, state, inputs, settings.time_step, states, a, b, force, force_x, force_u
             )
             finite = condense(
                 a,
@@ -125,7 +123,7 @@ class SqpOptimiser:
                 force_u,
                 state_reference,
                 input_reference,
-                problem.weights,
+                target.weights,
                 terminal,
                 qp.hessian,
                 qp.gradient,
@@ -143,7 +141,7 @@ class SqpOptimiser:
                 break
             if settings.sqp_iterations > 1:
                 optimised = True
-                if not self._line_search(plan, state, slopes, state_reference, input_reference, terminal):
+                if not self._line_search(plan, state, target):
                     break
                 continue
             optimised = read_out(
@@ -154,7 +152,7 @@ class SqpOptimiser:
                 inputs,
                 state_reference,
                 input_reference,
-                problem.weights,
+                target.weights,
                 terminal,
                 plan.states,
                 inputs,
@@ -169,22 +167,14 @@ class SqpOptimiser:
                 force,
                 state_reference,
                 input_reference,
-                problem.weights,
+                target.weights,
                 terminal,
                 settings.ground_constraints,
                 self.outcome,
             )
         return status, optimised
 
-    def _line_search(
-        self,
-        plan: Plan,
-        state: _Array,
-        slopes: _Array,
-        state_reference: _Array,
-        input_reference: _Array,
-        terminal: _Array,
-    ) -> bool:
+    def _line_search(self, plan: Plan, state: _Array, target: Target) -> bool:
         """Follow the QP's step as far as the nonlinear merit keeps a share of the promised decrease.
 
         The QP minimises a convex model of the merit (cost plus exact penalty), so its step is a descent direction of
@@ -195,8 +185,9 @@ class SqpOptimiser:
             Whether another iteration is worth while.
         """
         problem, qp, outcome = self._problem, self.qp, self.outcome
-        settings, weights = problem.settings, problem.weights
+        settings, weights = problem.settings, target.weights
         constrained = settings.ground_constraints
+        terminal, state_reference, input_reference = target.terminal, target.states, target.costed_inputs
 
         def merit(linearisation: Linearisation, inputs: _Array) -> float:
             states, force = linearisation.states, linearisation.force
@@ -226,7 +217,7 @@ class SqpOptimiser:
                 out=self._trial_inputs,
             )
             rollout_and_linearise(
-                problem.parameters, slopes, state, self._trial_inputs, settings.time_step, *self._trial
+                target.model, target.slopes, state, self._trial_inputs, settings.time_step, *self._trial
             )
             if merit(self._trial, self._trial_inputs) <= before - _DECREASE * length * promised + unresolved:
                 plan.inputs[:] = self._trial_inputs

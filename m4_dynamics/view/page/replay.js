@@ -5,10 +5,10 @@ for (const command of replay.commands) {
   viewer.handle_command_bytearray(Uint8Array.from(atob(command), (letter) => letter.charCodeAt(0)));
 }
 
-// meshcat's own controls: the animation's folder in sight, the tree of the scene folded away.
+// meshcat's own controls are there for those who want them: folded away, the animation's folder open inside.
 viewer.gui.__folders.Scene.close();
 viewer.gui.width = 250;
-if (window.innerWidth > 1100) viewer.gui.open();
+viewer.gui.close();
 
 const animator = viewer.animator;
 const element = (id) => document.getElementById(id);
@@ -35,6 +35,27 @@ const cells = replay.readouts.map((readout) => {
   element("readouts").append(name, value);
   return value;
 });
+
+const bars = replay.phases.map((phase) => {
+  const bar = document.createElement("button");
+  bar.type = "button";
+  bar.title = `${phase.label}, from ${(replay.start_time + phase.start).toFixed(1)} s`;
+  bar.setAttribute("aria-label", bar.title);
+  bar.style.flex = `${phase.end - phase.start} 0 0`;
+  bar.style.background = phase.colour;
+  bar.addEventListener("click", () => seek(phase.start));
+  element("phases").append(bar);
+  return bar;
+});
+element("phase").hidden = bars.length === 0;
+
+function show_phase(time) {
+  let index = replay.phases.findIndex((phase) => time < phase.end - 1e-6);
+  if (index < 0) index = bars.length - 1;
+  bars.forEach((bar, row) => bar.setAttribute("aria-current", row === index));
+  document.querySelector("#phase span").style.background = replay.phases[index].colour;
+  document.querySelector("#phase output").textContent = replay.phases[index].label;
+}
 
 // ---- camera ---------------------------------------------------------------------------------------------------------
 // three.js has y up: its (x, y, z) is the world's (x, z, -y).
@@ -127,6 +148,7 @@ function refresh() {
     const index = Math.min(last, Math.max(0, Math.round(animator.time * replay.frames_per_second)));
     element("clock").textContent =
       `${(replay.start_time + animator.time).toFixed(2)} / ${(replay.start_time + animator.duration).toFixed(2)} s`;
+    if (bars.length) show_phase(animator.time);
     if (document.activeElement !== element("seek") || animator.playing) element("seek").value = animator.time;
     replay.readouts.forEach((readout, row) => {
       const value = readout.values[index];
