@@ -51,6 +51,8 @@ CONTROLLERS: tuple[str, ...] = get_args(ControllerName)
 #: The heading's closed loop: natural frequency [rad/s], above the fastest growth on any slope, and damping ratio.
 HEADING_FREQUENCY = 6.0
 HEADING_DAMPING_RATIO = 1.0
+#: Pole of the heading's integral [1/s]: well below the others, it stands against constant moments alone.
+HEADING_INTEGRAL_FREQUENCY = 2.0
 #: The idle wheels are shorted, so that they do not spin [N m s/rad].
 IDLE_WHEEL_BRAKE = 10.0
 #: Imperfect sensors are awake for this long before the robot is let go [s].
@@ -191,7 +193,7 @@ def make_controller(
 
 
 def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> HeadingHold:
-    """Heading hold with both poles placed at the trim.
+    """Heading hold with its poles placed at the trim.
 
     Args:
         robot: The robot.
@@ -202,7 +204,7 @@ def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> Heading
         The controller.
     """
     dynamics = heading_dynamics(robot, reduction, slope=trim.slope, pitch=trim.pitch, speed=trim.speed)
-    gain_yaw, gain_rate = heading_gains(
+    gains = heading_gains(
         yaw_inertia=dynamics.yaw_inertia,
         track=dynamics.track,
         wheel_radius=dynamics.wheel_radius,
@@ -211,8 +213,9 @@ def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> Heading
         back_emf_constant=reduction.parameters.back_emf_constant,
         natural_frequency=HEADING_FREQUENCY,
         damping_ratio=HEADING_DAMPING_RATIO,
+        integral_frequency=HEADING_INTEGRAL_FREQUENCY,
     )
-    return HeadingHold(gain_yaw=gain_yaw, gain_rate=gain_rate)
+    return HeadingHold(gains=gains)
 
 
 def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
@@ -230,7 +233,16 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         RobotDescriptionError: The robot cannot balance.
         InvalidSettingError: The durations do not fit together.
     """
-    reduction = reduce_robot(robot)
+    # The controllers know the rotors' lag, whether it is the robot's own or the fidelity's: a state of their model.
+    lags = settings.fidelity.rotor_time_constants(robot)
+    known = dataclasses.replace(
+        robot,
+        thrusters=tuple(
+            dataclasses.replace(thruster, time_constant=float(lag))
+            for thruster, lag in zip(robot.thrusters, lags, strict=True)
+        ),
+    )
+    reduction = reduce_robot(known)
     parameters = reduction.parameters
     friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
     planned = MpcSettings(friction_static=friction).friction_fraction
@@ -248,13 +260,12 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
     )
     controller = make_controller(settings.controller, reduction, reference, friction_static=friction)
     if settings.fidelity.control_delay:
-        lags = settings.fidelity.rotor_time_constants(robot)[reduction.thrust_shares > 0.0]
         controller = DelayCompensator(
             controller,
             parameters,
             reference,
             delay=settings.fidelity.control_delay,
-            rotor_time_constant=float(lags.max(initial=0.0)),
+            rotor_time_constant=parameters.thrust_time_constant,
         )
     heading_hold = make_heading_hold(robot, reduction, trim)
     distance = abs(parameters.wheel_radius * float(np.ptp(reference.state[:, 0])))
@@ -279,6 +290,8 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         penetration=sinking,
     )
     measurement = plant.reset(configuration)
+    # It stands there balanced: its rotors turn already.
+    plant.stepper.actuation.thrust[:] = errors.thrust_scale * reference.inputs[0, 1] * reduction.thrust_shares
     if settings.posture_compensation:
         plant.command.servo_targets += holding_torques(robot, reduction, trim).sag
     wheels = drive_wheels(robot, reduction.frame)

@@ -36,6 +36,7 @@ _PARAMETERS = {
     "torque_constant": ("k1", "N m", "torque of both motors at full duty and standstill"),
     "back_emf_constant": ("k2", "N m s", "torque lost per wheel rate, both motors"),
     "gravity": ("g", "m/s2", ""),
+    "thrust_time_constant": ("T", "s", "first-order lag of the thrust"),
 }
 
 
