@@ -141,7 +141,7 @@ def main() -> None:
         rows.append(row(name, [run for error, run in mine if abs(error) == options.errors[0]], recovers))
     console = make_console()
     print_tables(console, [make_table(f"Imperfections one by one on {options.slope:g} deg", COLUMNS, rows)])
-    conditions = f"slope {options.slope:g}°   ·   initial pitch error ±{options.errors[0]:g}°   ·   worst of both and of all seeds"
+    conditions = f"slope {options.slope:g}°   ·   initial pitch error ±{options.errors[0]:g}°   ·   worst of all runs"
     print_note(console, f"wrote {draw(rows, conditions, options.out / 'fidelity_study.png')}")
 
 
