@@ -3,8 +3,8 @@
 The rover is the robot on four wheels, each driven by its own speed loop, on the full model. With a friction of 0.8 it
 slips beyond atan(0.8) = 38.7 degrees, and a few degrees before that: its front wheels bear less weight than torque.
 More friction helps up to 46.6 degrees, where its centre of mass stands over the rear wheels. At 45 degrees so little is
-left that with a friction of 1.2 it tips over at 0.3 m/s, and just gets up at 0.1 m/s. On two wheels (set on the slope in
-balance, above its foot) the thrust presses the robot on, so that 45 degrees need less friction than there is.
+left that with a friction of 1.2 it tips over at 0.3 m/s, and just gets up at 0.1 m/s. On two wheels (set on the slope
+in balance, above its foot) the thrust presses the robot on, so that 45 degrees need less friction than there is.
 
 python analysis/rover_cannot_climb.py --out runs/analysis
 """

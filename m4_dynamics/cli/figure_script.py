@@ -27,8 +27,8 @@ def draw_from_run(
     """
     from m4_dynamics.cli.results import make_folder
     from m4_dynamics.errors import M4Error
-    from m4_dynamics.mission.runner import run_mission
     from m4_dynamics.mission.loading import load_mission
+    from m4_dynamics.mission.runner import run_mission
     from m4_dynamics.robot.loading import load_robot
     from m4_dynamics.simulation.trajectory import load_trajectory
 

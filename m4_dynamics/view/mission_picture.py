@@ -30,10 +30,11 @@ __all__ = ["draw_mission", "write_mission_picture"]
 Array = NDArray[np.float64]
 
 _WIDTH = 13.0  # [inch]
-_HIGHEST = 8.0  # [inch] of the scene
+_HIGHEST = 7.4  # [inch] of the scene
 _TITLE_ROOM, _DOTS_PER_INCH = 0.66, 150
 _GAP = 0.16  # [m] between poses drawn side by side
-_MARGIN, _BELOW, _ABOVE = 0.25, 0.42, 0.12  # [m]
+_MARGIN, _ABOVE = 0.25, 0.12  # [m]
+_WORDS = 0.62  # [inch] below the ground for times and phases
 
 
 def write_mission_picture(dataset: xarray.Dataset, robot: Robot, path: Path | str, *, along: int = 6) -> Path:
@@ -76,15 +77,14 @@ def draw_mission(dataset: xarray.Dataset, robot: Robot, *, along: int = 6) -> Fi
     instants = way_instants(dataset, along=along)
     poses = _side_by_side(stage, instants)
     corners = [stage.corners(pose) for pose in poses]
-    all_corners = np.concatenate(corners)
-    low, high = all_corners.min(axis=0), all_corners.max(axis=0)
+    everything = np.concatenate([*corners, stage.frames.com[[pose.sample for pose in poses]]])
+    low, high = everything.min(axis=0), everything.max(axis=0)
     ground = stage.ground(float(low[0]) - _MARGIN, float(high[0]) + _MARGIN)
-    seen = stage.camera.project(np.concatenate([all_corners, *(part.reshape(-1, 3) for part in ground.triangles())]))
-    frame = Frame(
-        left=float(seen[:, 0].min()), right=float(seen[:, 0].max()),
-        bottom=float(seen[:, 1].min()) - _BELOW, top=float(seen[:, 1].max()) + _ABOVE,
-    )  # fmt: skip
-    scale = min(_WIDTH / (frame.right - frame.left), _HIGHEST / (frame.top - frame.bottom))  # [inch/m]
+    seen = stage.camera.project(np.concatenate([everything, *(part.reshape(-1, 3) for part in ground.triangles())]))
+    (left, bottom), (right, top) = seen.min(axis=0).tolist(), seen.max(axis=0).tolist()
+    top += _ABOVE
+    scale = min(_WIDTH / (right - left), _HIGHEST / (top - bottom))  # [inch/m]
+    frame = Frame(left=left, right=right, bottom=bottom - _WORDS / scale, top=top)
     figure = new_figure(
         width=max(7.0, scale * (frame.right - frame.left)), height=scale * (frame.top - frame.bottom) + _TITLE_ROOM
     )

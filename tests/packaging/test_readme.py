@@ -1,4 +1,4 @@
-"""What the README names exists: commands parse, files are there, functions import, tests are found, examples are real."""
+"""What the README names exists: commands parse, files are there, functions import, tests are found, examples work."""
 
 from __future__ import annotations
 

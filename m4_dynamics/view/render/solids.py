@@ -19,6 +19,8 @@ __all__ = ["GroundSlab", "Solid", "RobotShapes"]
 
 Array = NDArray[np.float64]
 
+_DISC_WIDTH, _DISC_COLOUR = 0.3, (0.2, 0.24, 0.28)  # width over radius; sRGB
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solid:
@@ -74,14 +76,25 @@ class RobotShapes:
     """A robot's visual bodies as triangles, found once and placed as often as wanted."""
 
     def __init__(self, robot: Robot) -> None:
-        """Tessellate the robot's bodies; round ones become polyhedra of many faces."""
-        self._robot = robot
-        self._data, self._visual_data = robot.model.createData(), robot.visual_model.createData()
-        self._bodies = [
-            (index, solid)
-            for index, geometry in enumerate(robot.visual_model.geometryObjects)
-            if (solid := _solid(geometry.geometry, np.asarray(geometry.meshColor, dtype=float)[:3])) is not None
-        ]
+        """Tessellate the robot's bodies; round ones become polyhedra of many faces.
+
+        A wheel without a visual body is drawn as a disc.
+        """
+        self._model, self._data = robot.model, robot.model.createData()
+        self._bodies: list[tuple[int, Solid]] = []  # with the joint that each moves with
+        for geometry in robot.visual_model.geometryObjects:
+            solid = _solid(geometry.geometry, np.asarray(geometry.meshColor, dtype=float)[:3])
+            if solid is not None:
+                placement = geometry.placement
+                placed = solid.moved(np.asarray(placement.rotation), np.asarray(placement.translation))
+                self._bodies.append((int(geometry.parentJoint), placed))
+        drawn = {joint for joint, _ in self._bodies}
+        for wheel in robot.wheels:
+            if wheel.joint_id not in drawn:
+                disc = _solid(coal.Cylinder(wheel.radius, _DISC_WIDTH * wheel.radius), np.array(_DISC_COLOUR))
+                turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), wheel.axis_in_joint)
+                if disc is not None:
+                    self._bodies.append((wheel.joint_id, disc.moved(turn.toRotationMatrix(), np.zeros(3))))
 
     def at(self, configuration: NDArray[np.float64], shift: Sequence[float] = (0.0, 0.0, 0.0)) -> list[Solid]:
         """The bodies in a configuration.
@@ -93,13 +106,11 @@ class RobotShapes:
         Returns:
             One solid per body, in the world.
         """
-        model = self._robot.model
-        pin.forwardKinematics(model, self._data, configuration)
-        pin.updateGeometryPlacements(model, self._data, self._robot.visual_model, self._visual_data)
-        placements = self._visual_data.oMg
+        pin.forwardKinematics(self._model, self._data, configuration)
+        placements = self._data.oMi
         return [
-            solid.moved(np.asarray(placements[index].rotation), np.asarray(placements[index].translation) + shift)
-            for index, solid in self._bodies
+            solid.moved(np.asarray(placements[joint].rotation), np.asarray(placements[joint].translation) + shift)
+            for joint, solid in self._bodies
         ]
 
 
