@@ -10,6 +10,7 @@ __all__ = ["add_arguments", "run"]
 #: Kind of map -> (module, help). Only the kind that is used is imported when it runs; options are cheap.
 KINDS: dict[str, tuple[str, str]] = {
     "static": ("m4_dynamics.cli.map_static", "equilibria in closed form, with margins and the limit that is active"),
+    "closed-loop": ("m4_dynamics.cli.map_closed_loop", "rollouts of the controller on the full model, in parallel"),
 }
 
 

@@ -18,13 +18,16 @@ __all__ = ["add_axis_options", "add_result_options", "claim_folder", "command_li
 _VALUES_MAX = 20_000
 
 
-def add_axis_options(parser: argparse.ArgumentParser, *, slope: str, thrust_count: int) -> None:
+def add_axis_options(
+    parser: argparse.ArgumentParser, *, slope: str, thrust_count: int, friction: str | None = None
+) -> None:
     """Declare the robot and the axes.
 
     Args:
         parser: The parser.
         slope: Default of the slopes.
         thrust_count: Default number of thrusts, from nothing to all that the robot has.
+        friction: Default of the friction coefficients; None takes the robot's ground.
     """
     parser.add_argument("robot", nargs="?", metavar="ROBOT", help="a TOML description; without one, the bundled M4")
     values = "each axis: START:STOP:COUNT, or numbers with commas"
@@ -32,7 +35,10 @@ def add_axis_options(parser: argparse.ArgumentParser, *, slope: str, thrust_coun
     parser.add_argument(
         "--thrust", metavar="N", help=f"total thrust (default: {thrust_count} values up to the robot's maximum)"
     )
-    parser.add_argument("--friction", metavar="MU", help="static friction coefficient (default: the robot's ground)")
+    shown = "the robot's ground" if friction is None else friction
+    parser.add_argument(
+        "--friction", default=friction, metavar="MU", help=f"static friction coefficient (default: {shown})"
+    )
     parser.set_defaults(thrust_count=thrust_count)
 
 

@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     from m4_dynamics.cli.map_options import add_axis_options, add_result_options
 
-    add_axis_options(parser, slope="0:85:341", thrust_count=217)
+    add_axis_options(parser, slope="0:85:341", thrust_count=217, friction="0.4:1.2:9")
     parser.add_argument("--speed", default="0", metavar="M/S", help="climbing speed (default: 0)")
     parser.add_argument("--posture", metavar="NAME", help="posture of the legs (default: the balancing posture)")
     parser.add_argument(
@@ -61,6 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from m4_dynamics.feasibility.static import static_map
     from m4_dynamics.reduced.power import PowerModel
     from m4_dynamics.robot.loading import load_robot
+    from m4_dynamics.view.map_page import write_map_page
     from m4_dynamics.view.map_plots import plot_static_curves, plot_static_map
     from m4_dynamics.view.map_tables import describe_curves, static_tables
     from m4_dynamics.view.tables import make_console, print_note, print_tables
@@ -81,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     grid = MapGrid(
         slope=np.radians(parse_axis("--slope", args.slope)),
         thrust=thrust,
-        friction=robot.ground.friction_static if args.friction is None else parse_axis("--friction", args.friction),
+        friction=parse_axis("--friction", args.friction),
         speed=parse_axis("--speed", args.speed),
         posture_angle=np.radians(parse_axis("--posture-angle", args.posture_angle)) if turned else np.nan,
         posture_joints=tuple(args.posture_joint),
@@ -89,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     power_model = PowerModel(
         thruster_count=max(1, len(balancing)), rotor_radius=args.rotor_radius, figure_of_merit=args.figure_of_merit
     )
-    files = ("map.nc", "map.png", "curves.png")
+    files = ("map.nc", "map.png", "curves.png", "map.html")
     claim_folder(args.out, force=args.force, names=files)
     dataset = static_map(posture_cases(robot, grid, posture=args.posture), grid, power_model=power_model)
     dataset.attrs.update(
@@ -103,6 +104,7 @@ def run(args: argparse.Namespace) -> int:
         save_map(dataset, args.out / "map.nc"),
         plot_static_map(dataset, args.out / "map.png"),
         plot_static_curves(curves, args.out / "curves.png"),
+        write_map_page(dataset, args.out / "map.html"),
     ]
     if args.json:
         print(json.dumps(describe_curves(curves), indent=2, allow_nan=False))

@@ -68,6 +68,9 @@ class ClimbSettings:
             "paper-zero" the paper's with raw inputs in the cost, "lqr" the saturated LQR of the trim, "pid" balances
             with the wheels alone at the trim's thrust, for flat ground and gentle slopes.
         duration: [s].
+        start_time: Rest before the robot moves off [s].
+        ramp_time: Time to reach the speed, and to stop [s].
+        hold_time: Rest at the end [s].
         pitch_error: Initial pitch less the trim's [rad].
         yaw_error: Initial heading, positive left of uphill [rad].
         start_position: Of the axle, from the foot of the slope uphill [m].
@@ -83,6 +86,9 @@ class ClimbSettings:
     thrust: float | None = None
     controller: ControllerName = "default"
     duration: float = 10.0
+    start_time: float = 0.5
+    ramp_time: float = 1.5
+    hold_time: float = 2.0
     pitch_error: float = math.radians(5.0)
     yaw_error: float = math.radians(0.5)
     start_position: float = 0.6
@@ -209,12 +215,16 @@ def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> Heading
     return HeadingHold(gain_yaw=gain_yaw, gain_rate=gain_rate)
 
 
-def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
+def prepare_climb(
+    robot: Robot, settings: ClimbSettings, *, reduction: Reduction | None = None, trim: Trim | None = None
+) -> Climb:
     """Reduce, trim, plan, build controllers and plant, and stand the robot on the slope.
 
     Args:
         robot: A robot that balances.
         settings: What to climb.
+        reduction: The robot as a pendulum, if it is known already.
+        trim: The equilibrium to climb at, within the limits or not; None chooses one within them.
 
     Returns:
         The climb, ready to run.
@@ -224,21 +234,30 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         RobotDescriptionError: The robot cannot balance.
         InvalidSettingError: The durations do not fit together.
     """
-    reduction = reduce_robot(robot)
+    reduction = reduce_robot(robot) if reduction is None else reduction
     parameters = reduction.parameters
     friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
-    planned = MpcSettings(friction_static=friction).friction_fraction
-    limits = reduction.trim_limits(friction_static=friction, friction_fraction=planned)
-    trim = select_trim(
+    if trim is None:
+        planned = MpcSettings(friction_static=friction).friction_fraction
+        limits = reduction.trim_limits(friction_static=friction, friction_fraction=planned)
+        trim = select_trim(
+            parameters,
+            settings.slope,
+            limits=limits,
+            criterion="automatic" if settings.thrust is None else "thrust",
+            thrust=settings.thrust,
+            speed=settings.speed,
+        )
+    reference = climb_reference(
         parameters,
         settings.slope,
-        limits=limits,
-        criterion="automatic" if settings.thrust is None else "thrust",
-        thrust=settings.thrust,
+        trim,
         speed=settings.speed,
-    )
-    reference = climb_reference(
-        parameters, settings.slope, trim, speed=settings.speed, duration=settings.duration, dt=settings.control_period
+        duration=settings.duration,
+        dt=settings.control_period,
+        start_time=settings.start_time,
+        ramp_time=settings.ramp_time,
+        hold_time=settings.hold_time,
     )
     controller = make_controller(settings.controller, reduction, reference, friction_static=friction)
     heading_hold = make_heading_hold(robot, reduction, trim)
@@ -285,6 +304,9 @@ def run_climb(
     robot: Robot,
     settings: ClimbSettings,
     *,
+    reduction: Reduction | None = None,
+    trim: Trim | None = None,
+    warm_up: bool = True,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> ClimbResult:
@@ -295,6 +317,9 @@ def run_climb(
     Args:
         robot: A robot that balances.
         settings: What to climb.
+        reduction: The robot as a pendulum, if it is known already.
+        trim: The equilibrium to climb at, within the limits or not; None chooses one within them.
+        warm_up: Whether to compile the kernels first, so that the times measured are those of the run alone.
         attributes: Further attributes of the dataset (the command, say).
         on_progress: Called now and then with the simulated time [s].
 
@@ -314,7 +339,7 @@ def run_climb(
         "provenance": {**{f"sha256_{k}": v for k, v in robot.file_hashes.items()}, **(attributes or {})},
     }
     try:
-        climb = prepare_climb(robot, settings)
+        climb = prepare_climb(robot, settings, reduction=reduction, trim=trim)
     except NoTrimExists as error:
         summary = ClimbSummary(
             verdict=Verdict.INFEASIBLE.value,
@@ -324,7 +349,7 @@ def run_climb(
             **context,
         )
         return ClimbResult(summary, None)
-    warm_up = _warm_up(robot, settings)
+    warm_up_time = _warm_up(robot, settings) if warm_up else None
     started = time.perf_counter()
     ended = _simulate(climb, on_progress)
     elapsed = time.perf_counter() - started
@@ -351,7 +376,7 @@ def run_climb(
         servo_saturations=counters.servo_saturations,
         mpc_step_us=StepTimes.from_seconds(climb.recorder.control_seconds[: climb.recorder.count]),
         real_time_factor=climb.recorder.count * settings.control_period / elapsed,
-        warm_up_s=warm_up,
+        warm_up_s=warm_up_time,
         **context,
     )
     dataset.attrs["verdict"] = summary.verdict
