@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,12 @@ __all__ = ["posture_case", "posture_cases", "posture_configuration"]
 _Array = NDArray[np.float64]
 
 
-def posture_configuration(robot: Robot, angle: float, joints: tuple[str, ...], *, posture: str | None = None) -> _Array:
-    """A posture with some joints at another angle.
+def posture_configuration(robot: Robot, angles: Mapping[str, float], *, posture: str | None = None) -> _Array:
+    """A posture with some joints at other angles.
 
     Args:
         robot: A robot that balances.
-        angle: Of all the joints named [rad].
-        joints: Their names.
+        angles: Joint -> angle [rad].
         posture: Name of the posture; None takes the balancing one.
 
     Returns:
@@ -33,13 +33,12 @@ def posture_configuration(robot: Robot, angle: float, joints: tuple[str, ...], *
 
     Raises:
         UnknownNameError: There is no such joint or posture.
-        InvalidSettingError: A joint does not turn, or its range does not hold the angle.
+        InvalidSettingError: A joint has not one angle, or its range does not hold the one given.
     """
     name = robot.require_balance().posture if posture is None else posture
     q = np.array(robot.posture(name).configuration, dtype=float)
-    for joint in joints:
-        index = robot.joint_id(joint)
-        model_joint = robot.model.joints[index]
+    for joint, angle in angles.items():
+        model_joint = robot.model.joints[robot.joint_id(joint)]
         if model_joint.nq != 1:
             raise InvalidSettingError("joint of the posture", joint, "a joint with one angle, such as a leg's")
         low = float(robot.model.lowerPositionLimit[model_joint.idx_q])
@@ -85,6 +84,6 @@ def posture_cases(robot: Robot, grid: MapGrid, *, posture: str | None = None) ->
         return [posture_case(robot, reduce_robot(robot, posture))]
     cases = []
     for angle in grid.axes["posture_angle"]:
-        q = posture_configuration(robot, float(angle), grid.posture_joints, posture=posture)
+        q = posture_configuration(robot, dict.fromkeys(grid.posture_joints, float(angle)), posture=posture)
         cases.append(posture_case(robot, reduce_robot(robot, posture, configuration=q)))
     return cases
