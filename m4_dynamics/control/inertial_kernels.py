@@ -79,7 +79,9 @@ def orthonormalise(rotation: Any) -> None:
     """Take rounding out of a rotation matrix: rows 0 and 2 made unit and normal to each other, row 1 their product."""
     for i in (2, 0):
         if i == 0:
-            overlap = rotation[2, 0] * rotation[0, 0] + rotation[2, 1] * rotation[0, 1] + rotation[2, 2] * rotation[0, 2]
+            overlap = (
+                rotation[2, 0] * rotation[0, 0] + rotation[2, 1] * rotation[0, 1] + rotation[2, 2] * rotation[0, 2]
+            )
             for j in range(3):
                 rotation[0, j] -= overlap * rotation[2, j]
         length = math.sqrt(rotation[i, 0] ** 2 + rotation[i, 1] ** 2 + rotation[i, 2] ** 2)

@@ -91,7 +91,9 @@ def run_balance_phase(situation: Situation, phase: BalancePhase) -> str | None:
         state = situation.sense()
         if k and slopes[k] != slopes[k - 1]:
             trim = situation.trim_on(slopes[k], thrust)
+            standing = hold.standing
             hold = situation.heading_hold(trim)
+            hold.standing = standing
         situation.heading = turn_from + phase.turn * float(turned[k])
         started = perf_counter()
         duty, force = controller.control(k, state)
