@@ -74,6 +74,9 @@ class ClimbSettings:
             "paper-zero" the paper's with raw inputs in the cost, "lqr" the saturated LQR of the trim, "pid" balances
             with the wheels alone at the trim's thrust, for flat ground and gentle slopes.
         duration: [s].
+        start_time: Rest before the robot moves off [s].
+        ramp_time: Time to reach the speed, and to stop [s].
+        hold_time: Rest at the end [s].
         pitch_error: Initial pitch less the trim's [rad].
         yaw_error: Initial heading, positive left of uphill [rad].
         start_position: Of the axle, from the foot of the slope uphill [m].
@@ -90,6 +93,9 @@ class ClimbSettings:
     thrust: float | None = None
     controller: ControllerName = "default"
     duration: float = 10.0
+    start_time: float = 0.5
+    ramp_time: float = 1.5
+    hold_time: float = 2.0
     pitch_error: float = math.radians(5.0)
     yaw_error: float = math.radians(0.5)
     start_position: float = 0.6
@@ -218,12 +224,34 @@ def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> Heading
     return HeadingHold(gains=gains)
 
 
-def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
+def with_rotor_lag(robot: Robot, fidelity: Fidelity) -> Robot:
+    """The robot as its controllers know it: with the rotors' lag, its own or the fidelity's, as a state of their model.
+
+    Args:
+        robot: The robot.
+        fidelity: The plant's.
+
+    Returns:
+        A copy with the time constants that act.
+    """
+    lags = fidelity.rotor_time_constants(robot)
+    thrusters = tuple(
+        dataclasses.replace(thruster, time_constant=float(lag))
+        for thruster, lag in zip(robot.thrusters, lags, strict=True)
+    )
+    return dataclasses.replace(robot, thrusters=thrusters)
+
+
+def prepare_climb(
+    robot: Robot, settings: ClimbSettings, *, reduction: Reduction | None = None, trim: Trim | None = None
+) -> Climb:
     """Reduce, trim, plan, build controllers and plant, and stand the robot on the slope.
 
     Args:
         robot: A robot that balances.
         settings: What to climb.
+        reduction: The robot as a pendulum, if it is known already.
+        trim: The equilibrium to climb at, within the limits or not; None chooses one within them.
 
     Returns:
         The climb, ready to run.
@@ -233,30 +261,31 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         RobotDescriptionError: The robot cannot balance.
         InvalidSettingError: The durations do not fit together.
     """
-    # The controllers know the rotors' lag, whether it is the robot's own or the fidelity's: a state of their model.
-    lags = settings.fidelity.rotor_time_constants(robot)
-    known = dataclasses.replace(
-        robot,
-        thrusters=tuple(
-            dataclasses.replace(thruster, time_constant=float(lag))
-            for thruster, lag in zip(robot.thrusters, lags, strict=True)
-        ),
-    )
-    reduction = reduce_robot(known)
+    if reduction is None:
+        reduction = reduce_robot(with_rotor_lag(robot, settings.fidelity))
     parameters = reduction.parameters
     friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
-    planned = MpcSettings(friction_static=friction).friction_fraction
-    limits = reduction.trim_limits(friction_static=friction, friction_fraction=planned)
-    trim = select_trim(
+    if trim is None:
+        planned = MpcSettings(friction_static=friction).friction_fraction
+        limits = reduction.trim_limits(friction_static=friction, friction_fraction=planned)
+        trim = select_trim(
+            parameters,
+            settings.slope,
+            limits=limits,
+            criterion="automatic" if settings.thrust is None else "thrust",
+            thrust=settings.thrust,
+            speed=settings.speed,
+        )
+    reference = climb_reference(
         parameters,
         settings.slope,
-        limits=limits,
-        criterion="automatic" if settings.thrust is None else "thrust",
-        thrust=settings.thrust,
+        trim,
         speed=settings.speed,
-    )
-    reference = climb_reference(
-        parameters, settings.slope, trim, speed=settings.speed, duration=settings.duration, dt=settings.control_period
+        duration=settings.duration,
+        dt=settings.control_period,
+        start_time=settings.start_time,
+        ramp_time=settings.ramp_time,
+        hold_time=settings.hold_time,
     )
     controller = make_controller(settings.controller, reduction, reference, friction_static=friction)
     if settings.fidelity.control_delay:
@@ -328,6 +357,9 @@ def run_climb(
     robot: Robot,
     settings: ClimbSettings,
     *,
+    reduction: Reduction | None = None,
+    trim: Trim | None = None,
+    warm_up: bool = True,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> ClimbResult:
@@ -338,6 +370,9 @@ def run_climb(
     Args:
         robot: A robot that balances.
         settings: What to climb.
+        reduction: The robot as a pendulum, if it is known already.
+        trim: The equilibrium to climb at, within the limits or not; None chooses one within them.
+        warm_up: Whether to compile the kernels first, so that the times measured are those of the run alone.
         attributes: Further attributes of the dataset (the command, say).
         on_progress: Called now and then with the simulated time [s].
 
@@ -358,7 +393,7 @@ def run_climb(
         "provenance": {**{f"sha256_{k}": v for k, v in robot.file_hashes.items()}, **(attributes or {})},
     }
     try:
-        climb = prepare_climb(robot, settings)
+        climb = prepare_climb(robot, settings, reduction=reduction, trim=trim)
     except NoTrimExists as error:
         summary = ClimbSummary(
             verdict=Verdict.INFEASIBLE.value,
@@ -368,7 +403,7 @@ def run_climb(
             **context,
         )
         return ClimbResult(summary, None)
-    warm_up = _warm_up(robot, settings)
+    warm_up_time = _warm_up(robot, settings) if warm_up else None
     started = time.perf_counter()
     ended = _simulate(climb, on_progress)
     elapsed = time.perf_counter() - started
@@ -395,7 +430,7 @@ def run_climb(
         servo_saturations=counters.servo_saturations,
         mpc_step_us=StepTimes.from_seconds(climb.recorder.control_seconds[: climb.recorder.count]),
         real_time_factor=climb.recorder.count * settings.control_period / elapsed,
-        warm_up_s=warm_up,
+        warm_up_s=warm_up_time,
         **context,
     )
     dataset.attrs["verdict"] = summary.verdict
