@@ -18,6 +18,7 @@ from m4_dynamics.control.mpc.controller import MpcController
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.pid import PidController
 from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
+from m4_dynamics.control.slope_profile import SlopeProfile
 from m4_dynamics.errors import InvalidSettingError, M4Error, NonFiniteError, NoTrimExists
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.full.stepping import SimulationDivergedError
@@ -160,7 +161,12 @@ class ClimbResult:
 
 
 def make_controller(
-    name: ControllerName, reduction: Reduction, reference: ReferenceTrajectory, *, friction_static: float
+    name: ControllerName,
+    reduction: Reduction,
+    reference: ReferenceTrajectory,
+    *,
+    friction_static: float,
+    profile: SlopeProfile | None = None,
 ) -> BalanceController:
     """Build a balance controller by its name.
 
@@ -169,6 +175,7 @@ def make_controller(
         reduction: The robot as a pendulum.
         reference: What to follow.
         friction_static: mu_s that the constraints assume.
+        profile: The ground by place, for an MPC; None takes the reference's, by time.
 
     Returns:
         The controller.
@@ -186,7 +193,7 @@ def make_controller(
             friction_static=friction_static,
             thrust_limits=thrust_limits,
         )
-    return MpcController(parameters, reference, settings)
+    return MpcController(parameters, reference, settings, profile=profile)
 
 
 def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> HeadingHold:
@@ -229,7 +236,7 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         RobotDescriptionError: The robot cannot balance.
         InvalidSettingError: The durations do not fit together.
     """
-    reduction = reduce_robot(robot)
+    reduction = reduce_robot(robot).with_thrust_lag(settings.fidelity.rotor_time_constant)
     parameters = reduction.parameters
     friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
     planned = MpcSettings(friction_static=friction).friction_fraction
@@ -269,8 +276,6 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         penetration=sinking,
     )
     measurement = plant.reset(configuration)
-    # It stands there balanced: its rotors turn already.
-    plant.stepper.actuation.thrust[:] = errors.thrust_scale * reference.inputs[0, 1] * reduction.thrust_shares
     if settings.posture_compensation:
         plant.command.servo_targets += holding_torques(robot, reduction, trim).sag
     wheels = drive_wheels(robot, reduction.frame)
