@@ -49,7 +49,8 @@ if __name__ == "__main__":
     arrived = [outcome for outcome in outcomes if outcome.cause == "climbed"]
     console = make_console()
     title = (
-        f"{len(outcomes)} climbs of {options.slope:g} deg: mass +-{100 * spread.mass:.0f} %, CoM +-{100 * spread.com:.0f} cm, "
+        f"{len(outcomes)} climbs of {options.slope:g} deg: "
+        f"mass +-{100 * spread.mass:.0f} %, CoM +-{100 * spread.com:.0f} cm, "
         f"thrust x {spread.thrust_scale:g}, mu_s {spread.friction[0]:g} to {spread.friction[1]:g}, "
         f"pitch +-{math.degrees(spread.pitch_error):.0f} deg, noisy sensors"
     )

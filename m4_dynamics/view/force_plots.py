@@ -82,7 +82,7 @@ def draw_ground_forces(dataset: xarray.Dataset) -> Figure:
         while_balancing(values_of(dataset, "cost")),
         while_balancing(values_of(dataset, "tracking_cost")),
     )
-    corners = corner_times(dataset)
+    corners = making.in_sight(corner_times(dataset))
     for axes in panels:
         draw_corners(axes, corners, text="corner of the ground" if axes is panels[1] else "")
     if not balancing.any():

@@ -97,8 +97,8 @@ def draw_corners(axes: Axes, times: NDArray[np.float64], *, text: str = "") -> N
         axes.axvline(time, color=COLOURS["slate"], linestyle=(0, (4, 3)), linewidth=0.8, alpha=0.8, zorder=1)
         if text and order == 0:
             axes.annotate(
-                text, xy=(time, 1.0), xycoords=axes.get_xaxis_transform(), xytext=(-3, -3), textcoords="offset points",
-                ha="right", va="top", size=7.5, color=COLOURS["slate"],
+                text, xy=(time, 0.0), xycoords=axes.get_xaxis_transform(), xytext=(-3, 4), textcoords="offset points",
+                ha="right", va="bottom", size=7.5, color=COLOURS["slate"],
             )  # fmt: skip
 
 

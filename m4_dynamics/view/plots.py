@@ -118,7 +118,7 @@ def draw_states(dataset: xarray.Dataset, *, thrust_limit: float | None = None) -
     label_lines(panels[3, 1])
 
     for axes in panels.ravel():
-        draw_corners(axes, corner_times(dataset), text="corner" if axes is panels[0, 0] else "")
+        draw_corners(axes, making.in_sight(corner_times(dataset)), text="corner" if axes is panels[0, 0] else "")
     return making.finish(dataset, "States, references and inputs")
 
 

@@ -90,8 +90,9 @@ def reduction_tables(description: Mapping[str, Any]) -> list[Table]:
         for name, (symbol, unit, meaning) in _PARAMETERS.items()
     ]
     frame, residual = description["frame"], description["residual"]
+    forward = "thrust pushes along it" if description["thrust_max"] > 0.0 else "the way it drives"
     axes = [
-        ["forward", _vector(frame["forward_in_base"]), "thrust pushes along it"],
+        ["forward", _vector(frame["forward_in_base"]), forward],
         ["lateral (left)", _vector(frame["lateral_in_base"]), "pitch and wheel angle are positive about it"],
         ["up", _vector(frame["up_in_base"]), ""],
         ["axle midpoint [m]", _vector(frame["axle_in_base"]), f"track {cell(frame['track'])} m"],

@@ -49,6 +49,10 @@ class RunFigure:
     start: float
     end: float
 
+    def in_sight(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Those of some moments that lie on the time axis [s]."""
+        return times[(times >= self.start) & (times <= self.end)]
+
     def finish(self, dataset: xarray.Dataset, title: str) -> Figure:
         """Tint the phases, set the time axis, align the labels and write the headline.
 

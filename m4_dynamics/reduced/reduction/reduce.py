@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -63,19 +62,6 @@ class Reduction:
         """Limits of this robot's trims: its thrust range and outline, other entries as given or by default."""
         known: dict[str, Any] = {"thrust_range": (0.0, self.thrust_max), "outline_in_body": self.outline_in_body}
         return TrimLimits(**{**known, **changes})
-
-    def with_thrust_lag(self, time_constant: float | None) -> Reduction:
-        """The same pendulum with rotors of another lag.
-
-        Args:
-            time_constant: Of the thrust behind its command [s]; None keeps the robot's own.
-
-        Returns:
-            The reduction.
-        """
-        if time_constant is None:
-            return self
-        return dataclasses.replace(self, parameters=self.parameters.with_(thrust_time_constant=time_constant))
 
 
 class _Planar(NamedTuple):
