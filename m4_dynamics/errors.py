@@ -19,6 +19,7 @@ __all__ = [
     "NonFiniteError",
     "ResultFileError",
     "RobotDescriptionError",
+    "SchedulerError",
     "UnknownNameError",
     "require_finite",
     "require_shape",
@@ -89,6 +90,10 @@ class ConvergenceError(M4Error):
 
 class ResultFileError(M4Error):
     """A result file cannot be read or written."""
+
+
+class SchedulerError(M4Error):
+    """Workers or their scheduler cannot be reached, or died too often."""
 
 
 def require_finite(name: str, values: ArrayLike, labels: Sequence[str] | None = None) -> None:

@@ -18,6 +18,7 @@ from m4_dynamics.control.mpc import kernels
 from m4_dynamics.control.mpc.problem import Problem
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.reference import ReferenceTrajectory
+from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.reduced.pendulum import MipParameters
 
 __all__ = ["CASADI_CONTENDERS", "CasadiController", "CasadiOptions", "build_casadi_controller"]
@@ -183,9 +184,11 @@ def build_casadi_controller(
 
     Raises:
         PeerMissingError: If CasADi is not installed.
-        InvalidSettingError: If reference and settings disagree on the time step.
+        InvalidSettingError: If reference and settings disagree on the time step, or the rotors lag.
     """
     ca = import_peer("casadi")
+    if parameters.thrust_time_constant > 0.0:
+        raise InvalidSettingError("thrust_time_constant", parameters.thrust_time_constant, "0: an ideal rotor")
     problem = Problem(parameters, reference, settings)
     n = settings.horizon
     weights = problem.weights

@@ -18,6 +18,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "inspect": ("m4_dynamics.cli.inspect", "show what a robot description holds and what is wrong with it"),
     "reduce": ("m4_dynamics.cli.reduce", "reduce the full model to the planar pendulum and show the residual"),
     "trim": ("m4_dynamics.cli.trim", "list the equilibria on a slope with their margins"),
+    "map": ("m4_dynamics.cli.map", "map where the robot can climb over slope and thrust, and what stops it elsewhere"),
     "bench": ("m4_dynamics.cli.bench", "measure the hot paths beside their peers in one run"),
 }
 

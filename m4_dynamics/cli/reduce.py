@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     console = make_console()
     print_tables(console, reduction_tables(description))
     if "no_trim" in description["on_slope"]:
-        print_note(console, f"Legs and heading are not shown: {description['on_slope']['no_trim']}.")
+        print_note(console, f"Legs and heading are not shown: {description['on_slope']['no_trim']}. See --slope.")
     if description["residual"]["out_of_plane"] > 1e-6:
         print_note(
             console,

@@ -95,11 +95,11 @@ def run(args: argparse.Namespace) -> int:
         console = make_console()
         if overview.members:
             print_tables(console, [trim_table(description)])
+            rotor_power = f"rotors of {args.rotor_radius:g} m radius by momentum theory (assumed) and "
             print_note(
                 console,
-                f"Pitch 0 is upright in the world, negative leans back; thrust 0 to {limits.thrust_range[1]:g} N. "
-                f"Power: rotors of {args.rotor_radius:g} m radius by momentum theory (assumed) and the wheel motors' "
-                "losses.",
+                f"Pitch 0 is upright in the world, negative leans back; thrust 0 to {reduction.thrust_max:g} N. "
+                f"Power: {rotor_power if reduction.thrust_max > 0.0 else ''}the wheel motors' losses.",
             )
         automatic = overview.selected.get("automatic")
         if automatic is not None and not keeps_reserves(reduction.parameters, automatic, limits):

@@ -6,17 +6,19 @@ u + delta (right) and u - delta (left), and each wheel's motor giving half of k1
 
     J psi'' = K psi - c psi' + b delta,   b = k1 track / (2 r),   c = k2 track^2 / (4 r^2),
 
-where K is the destabilising stiffness and c the motors' own damping.
+where K is the destabilising stiffness and c the motors' own damping. An integral of the yaw error stands against
+constant moments: a CoM beside the sagittal plane, rotors of unequal strength.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from m4_dynamics.errors import InvalidSettingError, require_finite
 
-__all__ = ["HeadingHold", "heading_gains", "heading_stiffness", "wheel_duties"]
+__all__ = ["HeadingGains", "HeadingHold", "heading_gains", "heading_stiffness", "wheel_duties"]
 
 
 def heading_stiffness(*, weight: float, slope: float, com_uphill_of_axle: float) -> float:
@@ -43,10 +45,11 @@ def heading_gains(
     back_emf_constant: float,
     natural_frequency: float,
     damping_ratio: float,
-) -> tuple[float, float]:
-    """Gains of delta = -(k_p yaw error + k_d yaw rate) that place both poles of the yaw.
+    integral_frequency: float = 0.0,
+) -> HeadingGains:
+    """Gains of delta = -(k_p yaw error + k_d yaw rate + k_i integral of the error) that place all poles of the yaw.
 
-    The closed loop is s^2 + 2 zeta w s + w^2 with the damping ratio zeta and the natural frequency w.
+    The closed loop is (s^2 + 2 zeta w s + w^2) (s + w_i).
 
     Args:
         yaw_inertia: J about the slope normal through the middle of the axle, wheels' spin included [kg m^2].
@@ -57,15 +60,18 @@ def heading_gains(
         back_emf_constant: k2 of both motors together [N m s].
         natural_frequency: w [rad/s].
         damping_ratio: zeta.
+        integral_frequency: w_i, the pole of the integral [1/s]; 0 does without it.
 
     Returns:
-        k_p [1/rad] and k_d [s/rad].
+        The gains.
 
     Raises:
         InvalidSettingError: If a number that must be positive is not.
     """
     require_finite("stiffness", stiffness)
     require_finite("back_emf_constant", back_emf_constant)
+    if not (math.isfinite(integral_frequency) and integral_frequency >= 0.0):
+        raise InvalidSettingError("integral_frequency", integral_frequency, "a finite number >= 0")
     for name, value in (
         ("yaw_inertia", yaw_inertia),
         ("track", track),
@@ -78,28 +84,47 @@ def heading_gains(
             raise InvalidSettingError(name, value, "a finite number > 0")
     leverage = torque_constant * track / (2.0 * wheel_radius)
     motor_damping = back_emf_constant * track**2 / (4.0 * wheel_radius**2)
-    gain_yaw = (yaw_inertia * natural_frequency**2 + stiffness) / leverage
-    gain_rate = (2.0 * damping_ratio * natural_frequency * yaw_inertia - motor_damping) / leverage
-    return gain_yaw, gain_rate
+    second, third = 2.0 * damping_ratio * natural_frequency, natural_frequency**2
+    return HeadingGains(
+        yaw=(yaw_inertia * (third + second * integral_frequency) + stiffness) / leverage,
+        rate=((second + integral_frequency) * yaw_inertia - motor_damping) / leverage,
+        integral=yaw_inertia * third * integral_frequency / leverage,
+    )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeadingHold:
-    """Differential duty from yaw error and yaw rate.
+class HeadingGains(NamedTuple):
+    """Differential duty per unit of error.
 
     Attributes:
-        gain_yaw: k_p [1/rad], see `heading_gains`.
-        gain_rate: k_d [s/rad].
-        maximum: Largest differential duty; also the share of the duty that `wheel_duties` keeps for the heading.
+        yaw: k_p [1/rad].
+        rate: k_d [s/rad].
+        integral: k_i [1/(rad s)].
     """
 
-    gain_yaw: float
-    gain_rate: float
+    yaw: float
+    rate: float
+    integral: float = 0.0
+
+
+@dataclass(slots=True, kw_only=True)
+class HeadingHold:
+    """Differential duty from yaw error, yaw rate and the integral of the error.
+
+    Attributes:
+        gains: See `heading_gains`.
+        period: Time between two calls of `control` [s].
+        maximum: Largest differential duty; also the share of the duty that `wheel_duties` keeps for the heading.
+        standing: Duty that the integral has come to; it waits while the sum is limited, so as not to wind up.
+    """
+
+    gains: HeadingGains
+    period: float = 5e-3
     maximum: float = 0.3
+    standing: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse a share of the duty outside (0, 1]."""
-        require_finite("heading gains", (self.gain_yaw, self.gain_rate), ("gain_yaw", "gain_rate"))
+        require_finite("heading gains", self.gains, HeadingGains._fields)
         if not 0.0 < self.maximum <= 1.0:
             raise InvalidSettingError("maximum", self.maximum, "a share of the duty in (0, 1]")
 
@@ -119,7 +144,9 @@ class HeadingHold:
         if not (math.isfinite(yaw_error) and math.isfinite(yaw_rate)):
             require_finite("yaw", (yaw_error, yaw_rate), ("error", "rate"))
         wrapped = math.remainder(yaw_error, 2.0 * math.pi)
-        differential = -(self.gain_yaw * wrapped + self.gain_rate * yaw_rate)
+        differential = self.standing - (self.gains.yaw * wrapped + self.gains.rate * yaw_rate)
+        if abs(differential) <= self.maximum:
+            self.standing -= self.gains.integral * self.period * wrapped
         return min(max(differential, -self.maximum), self.maximum)
 
 

@@ -12,12 +12,13 @@ from scipy.linalg import LinAlgError, solve_discrete_are
 from m4_dynamics.control.controller import Diagnostics
 from m4_dynamics.control.disturbance import DisturbanceEstimator
 from m4_dynamics.control.reference import ReferenceTrajectory
+from m4_dynamics.control.rotor import RotorModel, with_rotor_lag
 from m4_dynamics.errors import ConvergenceError, InvalidSettingError
 from m4_dynamics.reduced.kernels import inputs_along
 from m4_dynamics.reduced.linear import discretise_zoh
 from m4_dynamics.reduced.pendulum import MipParameters, checked_state, linearise
 
-__all__ = ["LqrController", "TrimFeedback", "lqr_gain", "trim_feedback"]
+__all__ = ["LqrController", "TrimFeedback", "lqr_gain", "state_count", "trim_feedback"]
 
 _Array = NDArray[np.float64]
 Discretisation = Callable[[ArrayLike, ArrayLike, float], tuple[_Array, _Array]]
@@ -53,13 +54,15 @@ class TrimFeedback(NamedTuple):
     """Linear-quadratic feedback at the steadiest sample of each slope of a reference.
 
     Attributes:
-        gains: K per distinct slope, shape (slopes, 2, 4); zero rows for inputs that have no range.
-        costs: Cost-to-go P per distinct slope, shape (slopes, 4, 4).
+        gains: K per distinct slope, shape (slopes, 2, nx); zero rows for inputs that have no range.
+        costs: Cost-to-go P per distinct slope, shape (slopes, nx, nx).
+        slopes: The distinct slopes, ascending, shape (slopes,) [rad].
         slope_index: For each sample of the reference the position of its slope in these lists, shape (N,).
     """
 
     gains: _Array
     costs: _Array
+    slopes: _Array
     slope_index: NDArray[np.intp]
 
 
@@ -74,8 +77,11 @@ def trim_feedback(
 ) -> TrimFeedback:
     """Design the feedback of each slope of a reference.
 
+    The states are nx = 4, or 5 where the thrust lags behind its command: then it is the last one, without a weight of
+    its own, and the command is the input.
+
     Args:
-        parameters: The pendulum.
+        parameters: The pendulum; its thrust lags if its time constant is above 0.
         reference: What is followed; its samples set the rate.
         discretise: `discretise_zoh` for the feedback of the sampled plant, `discretise_euler` for the plan's model.
         state_weights: Diagonal of Q on (wheel angle, pitch, and their rates), shape (4,).
@@ -88,24 +94,44 @@ def trim_feedback(
     Raises:
         ConvergenceError: If the robot cannot be stabilised at a trim of the reference.
     """
-    usable = np.flatnonzero(np.asarray(input_ranges, dtype=float) > 0.0)
+    ranges = np.asarray(input_ranges, dtype=float)
+    usable = np.flatnonzero(ranges > 0.0)
     weights = np.asarray(input_weights, dtype=float)[usable]
+    states = state_count(parameters, ranges)
     samples, slope_index = reference.steadiest_samples()
-    gains, costs = np.zeros((len(samples), 2, 4)), np.zeros((len(samples), 4, 4))
+    gains, costs = np.zeros((len(samples), 2, states)), np.zeros((len(samples), states, states))
     for i, sample in enumerate(samples):
         a, b = linearise(parameters, reference.slope[sample], reference.state[sample], reference.inputs[sample])
-        a_d, b_d = discretise(a, b[:, usable], reference.time_step)
-        gains[i, usable], costs[i] = lqr_gain(a_d, b_d, state_weights, weights)
-    return TrimFeedback(gains, costs, slope_index)
+        a_d, b_d = discretise(a, b, reference.time_step)
+        if states == 5:
+            a_d, b_d = with_rotor_lag(a_d, b_d, RotorModel(parameters, reference.time_step).share)
+        weighted = np.pad(np.asarray(state_weights, dtype=float), (0, states - 4))
+        gains[i, usable], costs[i] = lqr_gain(a_d, b_d[:, usable], weighted, weights)
+    return TrimFeedback(gains, costs, np.asarray(reference.slope[samples]), slope_index)
+
+
+def state_count(parameters: MipParameters, input_ranges: ArrayLike) -> int:
+    """States of a controller's model: 5 where there is thrust and it lags, else 4.
+
+    Args:
+        parameters: The pendulum.
+        input_ranges: Upper less lower limit of each input, shape (2,).
+
+    Returns:
+        4 or 5.
+    """
+    return 5 if parameters.thrust_time_constant > 0.0 and float(np.asarray(input_ranges)[1]) > 0.0 else 4
 
 
 class LqrController:
     """Follows a reference with the saturated LQR of the trim on each slope.
 
-    It knows nothing of the ground constraints: what it asks for may slip.
+    It knows nothing of the ground constraints: what it asks for may slip. Where the thrust lags, it is a state, known
+    from the commands.
 
     Attributes:
-        gains: One gain per distinct slope of the reference, shape (slopes, 2, 4).
+        gains: One gain per distinct slope of the reference, shape (slopes, 2, nx).
+        rotor: The thrust that the commands have led to.
         estimator: Of the disturbance; None without disturbance rejection.
     """
 
@@ -154,7 +180,12 @@ class LqrController:
         self._costs, self._slope_index = feedback.costs, feedback.slope_index
         self.estimator = DisturbanceEstimator(parameters, reference) if disturbance_rejection else None
         self._nominal: _Array = parameters.as_array()
-        self._diagnostics = Diagnostics()
+        self.rotor = RotorModel(parameters, reference.time_step)
+        self._lagging = self.gains.shape[2] == 5
+        self._commands: _Array = reference.inputs.copy()
+        if self._lagging:
+            self._commands[:, 1] = self.rotor.commands_for(reference.inputs[:, 1])
+        self.reset()
 
     @property
     def diagnostics(self) -> Diagnostics:
@@ -162,8 +193,9 @@ class LqrController:
         return self._diagnostics
 
     def reset(self) -> None:
-        """Forget the last step and the disturbance; the feedback itself has no memory."""
+        """Forget the last step and the disturbance; the rotors turn as the reference starts."""
         self._diagnostics = Diagnostics()
+        self.rotor.reset(float(self._reference.inputs[0, 1]))
         if self.estimator is not None:
             self.estimator.reset()
 
@@ -172,25 +204,29 @@ class LqrController:
         x = checked_state(state)
         sample = self._reference.sample_index(step)
         index = self._slope_index[sample]
-        error = x - self._reference.state[sample]
-        wanted = self._reference.inputs[sample]
+        wanted, correction = self._commands[sample], np.zeros(2)
         if self.estimator is not None:
             self.estimator.measure(step, x)
-            wanted = self._against_disturbance(sample, self.estimator.model)
-        inputs = wanted - self.gains[index] @ error
+            correction = self._against_disturbance(sample, self.estimator.model)
+        error = x - self._reference.state[sample]
+        if self._lagging:
+            thrust_error = self.rotor.thrust_at(step) - self._reference.inputs[sample, 1] - correction[1]
+            error = np.append(error, thrust_error)
+        inputs = wanted + correction - self.gains[index] @ error
         self._diagnostics = Diagnostics(cost=float(error @ self._costs[index] @ error))
         saturated: _Array = np.clip(inputs, self._lower, self._upper)
+        thrust = self.rotor.command(float(saturated[1]))
         if self.estimator is not None:
-            self.estimator.apply(step, float(self._reference.slope[sample]), saturated)
+            self.estimator.apply(step, float(self._reference.slope[sample]), np.array([saturated[0], thrust]))
         return saturated
 
     def _against_disturbance(self, sample: int, model: _Array) -> _Array:
-        """Inputs with which the disturbed pendulum follows a sample of the reference."""
+        """Change of the inputs with which the disturbed pendulum follows a sample of the reference."""
         reference, one = self._reference, slice(sample, sample + 1)
         wanted = np.empty((1, 2))
         slope, states, inputs = reference.slope[one], reference.state[one], reference.inputs[one]
         inputs_along(self._nominal, model, slope, slope, states, inputs, 0.0, self._lower, self._upper, wanted)
-        return np.asarray(wanted[0])
+        return np.asarray(wanted[0] - inputs[0])
 
 
 def _square(weights: ArrayLike) -> _Array:

@@ -26,6 +26,7 @@ __all__ = [
     "MASS_WHEEL",
     "PARAMETER_COUNT",
     "THRUST_FORWARD",
+    "THRUST_TIME_CONSTANT",
     "THRUST_UP",
     "TORQUE_CONSTANT",
     "WHEEL_RADIUS",
@@ -37,6 +38,8 @@ __all__ = [
     "mip_step",
     "pitch_shift_within_limits",
     "rollout_and_linearise",
+    "rollout_over_profile",
+    "thrust_share",
 ]
 
 # Layout of the parameter vector p.
@@ -57,13 +60,16 @@ GRAVITY = 12
 #: Generalised forces beside the model's own, on wheel angle and pitch [N m]; zero for the pendulum itself.
 DISTURBANCE_WHEEL = 13
 DISTURBANCE_PITCH = 14
-PARAMETER_COUNT = 15
+#: Of the rotors' first-order lag [s]; it matters where the thrust is a fifth state.
+THRUST_TIME_CONSTANT = 15
+PARAMETER_COUNT = 16
 
 #: Step of the search for a pitch [rad], and how many to either side.
 SHIFT_STEP = math.radians(0.5)
 SHIFT_COUNT = 40
 
 _Array = NDArray[np.float64]
+_IndexArray = NDArray[np.int64]
 
 
 @njit(cache=True, error_model="numpy")
@@ -260,6 +266,67 @@ def ground_force_linearised(
 
 
 @njit(cache=True, error_model="numpy")
+def thrust_share(p: _Array, dt: float) -> float:
+    """Part of the way to its command that the thrust goes in a time step: f' = (command - f) / T, command held."""
+    if p[THRUST_TIME_CONSTANT] <= 0.0:
+        return 1.0
+    return -math.expm1(-dt / p[THRUST_TIME_CONSTANT])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _advance_and_linearise(
+    p: _Array,
+    slope: float,
+    dt: float,
+    share: float,
+    x: _Array,
+    u: _Array,
+    x_next: _Array,
+    a: _Array,
+    b: _Array,
+    force: _Array,
+    force_x: _Array,
+    force_u: _Array,
+    acceleration: _Array,
+    jacobian_x: _Array,
+    jacobian_u: _Array,
+    applied: _Array,
+) -> None:
+    """One step of a rollout; a fifth state is the thrust, which then follows its command."""
+    lagging = x.shape[0] == 5
+    applied[0] = u[0]
+    applied[1] = x[4] if lagging else u[1]
+    _linearise(
+        p, math.sin(slope), math.cos(slope), x, applied, acceleration, jacobian_x, jacobian_u, force, force_x, force_u
+    )
+    for i in range(2):
+        x_next[i] = x[i] + dt * x[i + 2]
+        x_next[i + 2] = x[i + 2] + dt * acceleration[i]
+        for j in range(4):
+            a[i, j] = 0.0
+            a[i + 2, j] = dt * jacobian_x[i, j]
+        a[i, i] = 1.0
+        a[i, i + 2] = dt
+        a[i + 2, i + 2] += 1.0
+        for j in range(2):
+            b[i, j] = 0.0
+            b[i + 2, j] = dt * jacobian_u[i, j]
+    if lagging:
+        # What the thrust did as an input it does as a state; the command moves the state alone.
+        x_next[4] = x[4] + share * (u[1] - x[4])
+        for i in range(4):
+            a[i, 4] = b[i, 1]
+            b[i, 1] = 0.0
+            a[4, i] = 0.0
+        a[4, 4] = 1.0 - share
+        b[4, 0] = 0.0
+        b[4, 1] = share
+        for i in range(2):
+            force_x[i, 4] = force_u[i, 1]
+            force_u[i, 1] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def rollout_and_linearise(
     p: _Array,
     slopes: _Array,
@@ -275,53 +342,87 @@ def rollout_and_linearise(
 ) -> None:
     """Roll the explicit-Euler model out (paper, eq. discrete_model) and linearise every step, all in place.
 
+    With nx = 4 states the thrust is an input. With nx = 5 the last state is the thrust itself, the second input its
+    command, and the thrust follows with the time constant in p.
+
     Args:
         p: Parameter vector.
         slopes: Inclination under the robot at each step, shape (n,) [rad].
-        x0: Initial state, shape (4,).
-        inputs: Duty and thrust at each step, shape (n, 2).
+        x0: Initial state, shape (nx,).
+        inputs: Duty and thrust (or its command) at each step, shape (n, 2).
         dt: Time step [s].
-        states: Out: x_0 .. x_n, shape (n + 1, 4).
-        a: Out: d x_{k+1} / d x_k, shape (n, 4, 4).
-        b: Out: d x_{k+1} / d u_k, shape (n, 4, 2).
+        states: Out: x_0 .. x_n, shape (n + 1, nx).
+        a: Out: d x_{k+1} / d x_k, shape (n, nx, nx).
+        b: Out: d x_{k+1} / d u_k, shape (n, nx, 2).
         force: Out: (f_x, f_n) at (x_k, u_k), shape (n, 2) [N].
-        force_x: Out: its derivative with respect to x_k, shape (n, 2, 4).
+        force_x: Out: its derivative with respect to x_k, shape (n, 2, nx).
         force_u: Out: its derivative with respect to u_k, shape (n, 2, 2).
     """
-    acceleration = np.empty(2)
-    jacobian_x = np.empty((2, 4))
-    jacobian_u = np.empty((2, 2))
-    for j in range(4):
+    acceleration, jacobian_x, jacobian_u, applied = np.empty(2), np.empty((2, 4)), np.empty((2, 2)), np.empty(2)
+    share = thrust_share(p, dt)
+    for j in range(states.shape[1]):
         states[0, j] = x0[j]
     for k in range(inputs.shape[0]):
-        x = states[k]
-        sin_b = math.sin(slopes[k])
-        cos_b = math.cos(slopes[k])
-        _linearise(
-            p,
-            sin_b,
-            cos_b,
-            x,
-            inputs[k],
-            acceleration,
-            jacobian_x,
-            jacobian_u,
-            force[k],
-            force_x[k],
-            force_u[k],
-        )
-        for i in range(2):
-            states[k + 1, i] = x[i] + dt * x[i + 2]
-            states[k + 1, i + 2] = x[i + 2] + dt * acceleration[i]
-            for j in range(4):
-                a[k, i, j] = 0.0
-                a[k, i + 2, j] = dt * jacobian_x[i, j]
-            a[k, i, i] = 1.0
-            a[k, i, i + 2] = dt
-            a[k, i + 2, i + 2] += 1.0
-            for j in range(2):
-                b[k, i, j] = 0.0
-                b[k, i + 2, j] = dt * jacobian_u[i, j]
+        _advance_and_linearise(
+            p, slopes[k], dt, share, states[k], inputs[k], states[k + 1], a[k], b[k], force[k], force_x[k],
+            force_u[k], acceleration, jacobian_x, jacobian_u, applied,
+        )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def rollout_over_profile(
+    p: _Array,
+    starts: _Array,
+    profile: _Array,
+    x0: _Array,
+    inputs: _Array,
+    dt: float,
+    slopes: _Array,
+    pieces: _IndexArray,
+    states: _Array,
+    a: _Array,
+    b: _Array,
+    force: _Array,
+    force_x: _Array,
+    force_u: _Array,
+) -> None:
+    """`rollout_and_linearise` over ground whose slope depends on where the wheels are.
+
+    Each step takes the slope at its own wheel angle; the derivatives do not count that it would be another elsewhere.
+
+    Args:
+        p: Parameter vector.
+        starts: Wheel angle at which each piece of the ground starts, ascending, shape (m,) [rad]; the first is not
+            read, its piece reaches back for ever.
+        profile: Inclination of each piece, shape (m,) [rad].
+        x0: Initial state, shape (nx,).
+        inputs: Duty and thrust (or its command) at each step, shape (n, 2).
+        dt: Time step [s].
+        slopes: Out: inclination at x_0 .. x_n, shape (n + 1,) [rad].
+        pieces: Out: piece that x_0 .. x_n are on, shape (n + 1,).
+        states: Out, as the others: see `rollout_and_linearise`.
+        a: Out.
+        b: Out.
+        force: Out.
+        force_x: Out.
+        force_u: Out.
+    """
+    acceleration, jacobian_x, jacobian_u, applied = np.empty(2), np.empty((2, 4)), np.empty((2, 2)), np.empty(2)
+    share = thrust_share(p, dt)
+    n = inputs.shape[0]
+    for j in range(states.shape[1]):
+        states[0, j] = x0[j]
+    for k in range(n + 1):
+        piece = 0
+        while piece + 1 < starts.shape[0] and states[k, 0] >= starts[piece + 1]:
+            piece += 1
+        pieces[k] = piece
+        slopes[k] = profile[piece]
+        if k < n:
+            _advance_and_linearise(
+                p, slopes[k], dt, share, states[k], inputs[k], states[k + 1], a[k], b[k], force[k], force_x[k],
+                force_u[k], acceleration, jacobian_x, jacobian_u, applied,
+            )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -37,6 +37,8 @@ class MipParameters:
         motor_model: The back-EMF sees the wheel's rate relative to the body, phi' - theta' ("relative"), or phi' as the
             paper's eq. motor_model writes it ("paper").
         gravity: Gravitational acceleration [m/s^2].
+        thrust_time_constant: First-order lag of the thrust behind its command [s]; 0 is the paper's ideal rotor.
+            Controllers count on it; the functions of `pendulum` take the thrust itself.
     """
 
     mass_body: float
@@ -50,6 +52,7 @@ class MipParameters:
     back_emf_constant: float
     motor_model: MotorModel = "relative"
     gravity: float = 9.81
+    thrust_time_constant: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("com_in_body", "thrust_point_in_body"):
@@ -62,7 +65,7 @@ class MipParameters:
             if not (math.isfinite(value) and value > 0.0):
                 raise InvalidSettingError(name, value, "a finite number above 0")
             object.__setattr__(self, name, value)
-        for name in ("inertia_wheel", "back_emf_constant", "gravity"):
+        for name in ("inertia_wheel", "back_emf_constant", "gravity", "thrust_time_constant"):
             value = float(getattr(self, name))
             if not (math.isfinite(value) and value >= 0.0):
                 raise InvalidSettingError(name, value, "a finite number, 0 or above")
@@ -98,4 +101,5 @@ class MipParameters:
         p[kernels.BACK_EMF_CONSTANT] = self.back_emf_constant
         p[kernels.BACK_EMF_PITCH] = self.back_emf_constant if self.motor_model == "relative" else 0.0
         p[kernels.GRAVITY] = self.gravity
+        p[kernels.THRUST_TIME_CONSTANT] = self.thrust_time_constant
         return p

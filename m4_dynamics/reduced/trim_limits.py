@@ -107,13 +107,17 @@ class TrimLimits:
         return self.friction_fraction * self.friction_static
 
     def interior(self) -> TrimLimits | None:
-        """Limits tightened by all reserves, or None if the thrust range leaves no room for them."""
+        """Limits tightened by all reserves, or None if the ranges leave no room for them.
+
+        A thrust that cannot be changed (no thrusters: 0 to 0) has no reserve to keep.
+        """
         low, high = self.thrust_range
-        if high - low < 2.0 * self.thrust_margin or self.duty_max <= self.duty_margin:
+        reserve = self.thrust_margin if high > low else 0.0
+        if high - low < 2.0 * reserve or self.duty_max <= self.duty_margin:
             return None
         return self.with_(
             friction_static=self.friction_reserve * self.friction_planned,
-            thrust_range=(low + self.thrust_margin, high - self.thrust_margin),
+            thrust_range=(low + reserve, high - reserve),
             duty_max=self.duty_max - self.duty_margin,
         )
 

@@ -101,6 +101,11 @@ def _load_described(description: RobotDescription) -> Robot:
     postures = read_postures(model, description.srdf) if description.srdf else {}
     thrusters = tuple(_thruster(model, settings, where) for settings in description.thrusters)
     if description.balance is not None:
+        if description.srdf is None:
+            raise RobotDescriptionError(
+                f"{where}: [balance] names the posture '{description.balance.posture}', but [robot] has no srdf; "
+                "postures are the <group_state> elements of an SRDF file"
+            )
         _check_balance(description.balance, postures, wheels, thrusters, where)
     servos = tuple(_servo(model, settings, where) for settings in description.servos)
     for joint in {wheel.joint for wheel in wheels} & {servo.joint for servo in servos}:

@@ -7,9 +7,10 @@ link. All units are SI.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TypeVar
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -246,6 +247,11 @@ class Robot:
     file_hashes: Mapping[str, str]
     assumptions: tuple[Assumption, ...] = ()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to another process; read-only mappings cannot, so they are made anew there."""
+        values = [getattr(self, item.name) for item in fields(self)]
+        return _robot_from_values, tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in values)
+
     @property
     def mass(self) -> float:
         """Total mass [kg]."""
@@ -318,3 +324,9 @@ class Robot:
         if name not in items:
             raise UnknownNameError(kind, name, items, where=f"robot '{self.name}'")
         return items[name]
+
+
+def _robot_from_values(*values: Any) -> Robot:
+    """The other end of `Robot.__reduce__`."""
+    restored: list[Any] = [MappingProxyType(value) if isinstance(value, dict) else value for value in values]
+    return Robot(*restored)

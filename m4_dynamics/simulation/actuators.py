@@ -132,7 +132,7 @@ class Actuators:
                 limits = robot.model.effortLimit[wheel.index_v], robot.model.velocityLimit[wheel.index_v]
                 row[:] = [limit if limit > 0.0 else math.inf for limit in limits]
         self._thrust_limit = np.array([thruster.maximum_thrust for thruster in robot.thrusters], dtype=float)
-        constants = rotor_time_constants(self.model, fidelity)
+        constants = fidelity.rotor_time_constants(robot)
         lagging = np.where(constants > 0.0, constants, 1.0)
         self._rotor_share = np.where(constants > 0.0, -np.expm1(-self.time_step / lagging), 1.0)
         speeds = [servo.velocity_limit if fidelity.servo_speed_limit else math.inf for servo in robot.servos]
@@ -220,13 +220,6 @@ class Actuators:
                 actuation.thrust, actuation.wheel_duty, self.model.wheel_motor, velocity,
                 self.model.wheel_velocity_indices, duration,
             )  # fmt: skip
-
-
-def rotor_time_constants(model: FullModel, fidelity: Fidelity) -> Array:
-    """First-order lag of each rotor, shape (thrusters,) [s]: the override of the switches, else the robot's own."""
-    override = fidelity.rotor_time_constant
-    own = [thruster.time_constant for thruster in model.robot.thrusters]
-    return np.array(own if override is None else [override] * len(own), dtype=float)
 
 
 def _flat(command: Actuation) -> Array:

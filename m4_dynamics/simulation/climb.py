@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from m4_dynamics.control.controller import BalanceController
+from m4_dynamics.control.delay import DelayCompensator
 from m4_dynamics.control.heading import HeadingHold, heading_gains
 from m4_dynamics.control.lqr import LqrController
 from m4_dynamics.control.mpc.controller import MpcController
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.pid import PidController
 from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
+from m4_dynamics.control.slope_profile import SlopeProfile
 from m4_dynamics.errors import InvalidSettingError, M4Error, NonFiniteError, NoTrimExists
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.full.stepping import SimulationDivergedError
@@ -50,6 +52,8 @@ CONTROLLERS: tuple[str, ...] = get_args(ControllerName)
 #: The heading's closed loop: natural frequency [rad/s], above the fastest growth on any slope, and damping ratio.
 HEADING_FREQUENCY = 6.0
 HEADING_DAMPING_RATIO = 1.0
+#: Pole of the heading's integral [1/s]: well below the others, it stands against constant moments alone.
+HEADING_INTEGRAL_FREQUENCY = 2.0
 #: The idle wheels are shorted, so that they do not spin [N m s/rad].
 IDLE_WHEEL_BRAKE = 10.0
 #: Imperfect sensors are awake for this long before the robot is let go [s].
@@ -71,6 +75,9 @@ class ClimbSettings:
             "paper-zero" the paper's with raw inputs in the cost, "lqr" the saturated LQR of the trim, "pid" balances
             with the wheels alone at the trim's thrust, for flat ground and gentle slopes.
         duration: [s].
+        start_time: Rest before the robot moves off [s].
+        ramp_time: Time to reach the speed, and to stop [s].
+        hold_time: Rest at the end [s].
         pitch_error: Initial pitch less the trim's [rad].
         yaw_error: Initial heading, positive left of uphill [rad].
         start_position: Of the axle, from the foot of the slope uphill [m].
@@ -87,6 +94,9 @@ class ClimbSettings:
     thrust: float | None = None
     controller: ControllerName = "default"
     duration: float = 10.0
+    start_time: float = 0.5
+    ramp_time: float = 1.5
+    hold_time: float = 2.0
     pitch_error: float = math.radians(5.0)
     yaw_error: float = math.radians(0.5)
     start_position: float = 0.6
@@ -160,7 +170,12 @@ class ClimbResult:
 
 
 def make_controller(
-    name: ControllerName, reduction: Reduction, reference: ReferenceTrajectory, *, friction_static: float
+    name: ControllerName,
+    reduction: Reduction,
+    reference: ReferenceTrajectory,
+    *,
+    friction_static: float,
+    profile: SlopeProfile | None = None,
 ) -> BalanceController:
     """Build a balance controller by its name.
 
@@ -169,6 +184,7 @@ def make_controller(
         reduction: The robot as a pendulum.
         reference: What to follow.
         friction_static: mu_s that the constraints assume.
+        profile: The ground ahead by place, which an MPC previews; None takes the reference's slopes by time.
 
     Returns:
         The controller.
@@ -186,11 +202,11 @@ def make_controller(
             friction_static=friction_static,
             thrust_limits=thrust_limits,
         )
-    return MpcController(parameters, reference, settings)
+    return MpcController(parameters, reference, settings, profile=profile)
 
 
 def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> HeadingHold:
-    """Heading hold with both poles placed at the trim.
+    """Heading hold with its poles placed at the trim.
 
     Args:
         robot: The robot.
@@ -201,7 +217,7 @@ def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> Heading
         The controller.
     """
     dynamics = heading_dynamics(robot, reduction, slope=trim.slope, pitch=trim.pitch, speed=trim.speed)
-    gain_yaw, gain_rate = heading_gains(
+    gains = heading_gains(
         yaw_inertia=dynamics.yaw_inertia,
         track=dynamics.track,
         wheel_radius=dynamics.wheel_radius,
@@ -210,16 +226,39 @@ def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> Heading
         back_emf_constant=reduction.parameters.back_emf_constant,
         natural_frequency=HEADING_FREQUENCY,
         damping_ratio=HEADING_DAMPING_RATIO,
+        integral_frequency=HEADING_INTEGRAL_FREQUENCY,
     )
-    return HeadingHold(gain_yaw=gain_yaw, gain_rate=gain_rate)
+    return HeadingHold(gains=gains)
 
 
-def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
+def with_rotor_lag(robot: Robot, fidelity: Fidelity) -> Robot:
+    """The robot as its controllers know it: with the rotors' lag, its own or the fidelity's, as a state of their model.
+
+    Args:
+        robot: The robot.
+        fidelity: The plant's.
+
+    Returns:
+        A copy with the time constants that act.
+    """
+    lags = fidelity.rotor_time_constants(robot)
+    thrusters = tuple(
+        dataclasses.replace(thruster, time_constant=float(lag))
+        for thruster, lag in zip(robot.thrusters, lags, strict=True)
+    )
+    return dataclasses.replace(robot, thrusters=thrusters)
+
+
+def prepare_climb(
+    robot: Robot, settings: ClimbSettings, *, reduction: Reduction | None = None, trim: Trim | None = None
+) -> Climb:
     """Reduce, trim, plan, build controllers and plant, and stand the robot on the slope.
 
     Args:
         robot: A robot that balances.
         settings: What to climb.
+        reduction: The robot as a pendulum, if it is known already.
+        trim: The equilibrium to climb at, within the limits or not; None chooses one within them.
 
     Returns:
         The climb, ready to run.
@@ -229,23 +268,41 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         RobotDescriptionError: The robot cannot balance.
         InvalidSettingError: The durations do not fit together.
     """
-    reduction = reduce_robot(robot)
+    if reduction is None:
+        reduction = reduce_robot(with_rotor_lag(robot, settings.fidelity))
     parameters = reduction.parameters
     friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
-    planned = MpcSettings(friction_static=friction).friction_fraction
-    limits = reduction.trim_limits(friction_static=friction, friction_fraction=planned)
-    trim = select_trim(
+    if trim is None:
+        planned = MpcSettings(friction_static=friction).friction_fraction
+        limits = reduction.trim_limits(friction_static=friction, friction_fraction=planned)
+        trim = select_trim(
+            parameters,
+            settings.slope,
+            limits=limits,
+            criterion="automatic" if settings.thrust is None else "thrust",
+            thrust=settings.thrust,
+            speed=settings.speed,
+        )
+    reference = climb_reference(
         parameters,
         settings.slope,
-        limits=limits,
-        criterion="automatic" if settings.thrust is None else "thrust",
-        thrust=settings.thrust,
+        trim,
         speed=settings.speed,
-    )
-    reference = climb_reference(
-        parameters, settings.slope, trim, speed=settings.speed, duration=settings.duration, dt=settings.control_period
+        duration=settings.duration,
+        dt=settings.control_period,
+        start_time=settings.start_time,
+        ramp_time=settings.ramp_time,
+        hold_time=settings.hold_time,
     )
     controller = make_controller(settings.controller, reduction, reference, friction_static=friction)
+    if settings.fidelity.control_delay:
+        controller = DelayCompensator(
+            controller,
+            parameters,
+            reference,
+            delay=settings.fidelity.control_delay,
+            rotor_time_constant=parameters.thrust_time_constant,
+        )
     heading_hold = make_heading_hold(robot, reduction, trim)
     distance = abs(parameters.wheel_radius * float(np.ptp(reference.state[:, 0])))
     terrain = ramp_terrain(settings.slope, flat_before=1.5, length=settings.start_position + distance + 1.5)
@@ -269,6 +326,8 @@ def prepare_climb(robot: Robot, settings: ClimbSettings) -> Climb:
         penetration=sinking,
     )
     measurement = plant.reset(configuration)
+    # It stands there balanced: its rotors turn already.
+    plant.stepper.actuation.thrust[:] = errors.thrust_scale * reference.inputs[0, 1] * reduction.thrust_shares
     if settings.posture_compensation:
         plant.command.servo_targets += holding_torques(robot, reduction, trim).sag
     wheels = drive_wheels(robot, reduction.frame)
@@ -305,6 +364,9 @@ def run_climb(
     robot: Robot,
     settings: ClimbSettings,
     *,
+    reduction: Reduction | None = None,
+    trim: Trim | None = None,
+    warm_up: bool = True,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> ClimbResult:
@@ -315,6 +377,9 @@ def run_climb(
     Args:
         robot: A robot that balances.
         settings: What to climb.
+        reduction: The robot as a pendulum, if it is known already.
+        trim: The equilibrium to climb at, within the limits or not; None chooses one within them.
+        warm_up: Whether to compile the kernels first, so that the times measured are those of the run alone.
         attributes: Further attributes of the dataset (the command, say).
         on_progress: Called now and then with the simulated time [s].
 
@@ -335,7 +400,7 @@ def run_climb(
         "provenance": {**{f"sha256_{k}": v for k, v in robot.file_hashes.items()}, **(attributes or {})},
     }
     try:
-        climb = prepare_climb(robot, settings)
+        climb = prepare_climb(robot, settings, reduction=reduction, trim=trim)
     except NoTrimExists as error:
         summary = ClimbSummary(
             verdict=Verdict.INFEASIBLE.value,
@@ -345,7 +410,7 @@ def run_climb(
             **context,
         )
         return ClimbResult(summary, None)
-    warm_up = _warm_up(robot, settings)
+    warm_up_time = _warm_up(robot, settings) if warm_up else None
     started = time.perf_counter()
     ended = _simulate(climb, on_progress)
     elapsed = time.perf_counter() - started
@@ -372,7 +437,7 @@ def run_climb(
         servo_saturations=counters.servo_saturations,
         mpc_step_us=StepTimes.from_seconds(climb.recorder.control_seconds[: climb.recorder.count]),
         real_time_factor=climb.recorder.count * settings.control_period / elapsed,
-        warm_up_s=warm_up,
+        warm_up_s=warm_up_time,
         **context,
     )
     dataset.attrs["verdict"] = summary.verdict

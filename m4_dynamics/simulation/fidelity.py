@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from m4_dynamics.control.imu import ImuErrors
 from m4_dynamics.errors import InvalidSettingError
+from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.battery import Battery
 
 __all__ = ["Fidelity"]
@@ -90,6 +94,12 @@ class Fidelity:
     def encoder_resolution(self) -> float:
         """Angle of one encoder count [rad]; 0 when it measures exactly."""
         return 2.0 * math.pi / self.encoder_counts if self.encoder_counts else 0.0
+
+    def rotor_time_constants(self, robot: Robot) -> NDArray[np.float64]:
+        """First-order lag of each of a robot's rotors, shape (thrusters,) [s]: the switch's, else the robot's own."""
+        own = [thruster.time_constant for thruster in robot.thrusters]
+        override = self.rotor_time_constant
+        return np.array(own if override is None else [override] * len(own), dtype=np.float64)
 
     @property
     def senses_exactly(self) -> bool:

@@ -19,7 +19,7 @@ from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.full import kernels
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.full.stepping import Actuation, ImplicitStepper
-from m4_dynamics.simulation.actuators import Actuators, drive_at_once, rotor_time_constants
+from m4_dynamics.simulation.actuators import Actuators, drive_at_once
 from m4_dynamics.simulation.battery import BatteryState
 from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.sensors import Measurement, Sensors, measure
@@ -75,7 +75,7 @@ class Plant:
         acts_at_once = (
             not (fidelity.servo_speed_limit or fidelity.motor_limits or fidelity.control_delay)
             and fidelity.battery is None
-            and not rotor_time_constants(self.model, fidelity).any()
+            and not fidelity.rotor_time_constants(self.model.robot).any()
         )
         self._actuators = None if acts_at_once else Actuators(self.model, fidelity, self.time_step, self.thrust_scale)
         self.sensors = None if fidelity.senses_exactly else Sensors(fidelity, self.control_period)

@@ -36,6 +36,7 @@ _PARAMETERS = {
     "torque_constant": ("k1", "N m", "torque of both motors at full duty and standstill"),
     "back_emf_constant": ("k2", "N m s", "torque lost per wheel rate, both motors"),
     "gravity": ("g", "m/s2", ""),
+    "thrust_time_constant": ("T", "s", "first-order lag of the thrust"),
 }
 
 
@@ -89,8 +90,9 @@ def reduction_tables(description: Mapping[str, Any]) -> list[Table]:
         for name, (symbol, unit, meaning) in _PARAMETERS.items()
     ]
     frame, residual = description["frame"], description["residual"]
+    forward = "thrust pushes along it" if description["thrust_max"] > 0.0 else "the way it drives"
     axes = [
-        ["forward", _vector(frame["forward_in_base"]), "thrust pushes along it"],
+        ["forward", _vector(frame["forward_in_base"]), forward],
         ["lateral (left)", _vector(frame["lateral_in_base"]), "pitch and wheel angle are positive about it"],
         ["up", _vector(frame["up_in_base"]), ""],
         ["axle midpoint [m]", _vector(frame["axle_in_base"]), f"track {cell(frame['track'])} m"],

@@ -52,7 +52,7 @@ def climb(pendulum, reference, controller, steps=300):
 @pytest.mark.parametrize("terminal_cost", ["riccati", "none"])
 def test_one_iteration_agrees_step_by_step(pendulum, reference, require_peer, terminal_cost):
     require_peer("casadi")
-    settings = MpcSettings(terminal_cost=terminal_cost, solver_tolerance=1e-9)
+    settings = MpcSettings(terminal_cost=terminal_cost, solver_tolerance=1e-9, disturbance_rejection=False)
     states, inputs = climb(pendulum, reference, MpcController(pendulum, reference, settings))
     peer = build_casadi_controller(pendulum, reference, settings, iterations=1)
     theirs = np.array([peer(k, x) for k, x in enumerate(states)])
@@ -62,7 +62,7 @@ def test_one_iteration_agrees_step_by_step(pendulum, reference, require_peer, te
 @pytest.mark.parametrize("transcription", ["single", "multiple"])
 def test_converged_solutions_agree(pendulum, reference, require_peer, transcription):
     require_peer("casadi")
-    settings = MpcSettings(sqp_iterations=50, solver_tolerance=1e-9)
+    settings = MpcSettings(sqp_iterations=50, solver_tolerance=1e-9, disturbance_rejection=False)
     ours = MpcController(pendulum, reference, settings)
     states, inputs = climb(pendulum, reference, ours, steps=60)
     peer = build_casadi_controller(pendulum, reference, settings, transcription=transcription, iterations=50)
@@ -72,7 +72,7 @@ def test_converged_solutions_agree(pendulum, reference, require_peer, transcript
 
 def test_slack_agrees_where_the_friction_cannot_suffice(pendulum, reference, require_peer):
     require_peer("casadi")
-    settings = MpcSettings(friction_static=0.3, sqp_iterations=50, solver_tolerance=1e-9)
+    settings = MpcSettings(friction_static=0.3, sqp_iterations=50, solver_tolerance=1e-9, disturbance_rejection=False)
     ours = MpcController(pendulum, reference, settings)
     peer = build_casadi_controller(pendulum, reference, settings, iterations=50)
     x = reference.state[0] + [0.0, 0.02, 0.0, 0.0]

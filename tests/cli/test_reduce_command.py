@@ -52,6 +52,8 @@ def test_robot_without_thrusters_and_servos(capsys):
     assert description["on_slope"]["holding"] == []
     assert description["on_slope"]["controllability"]["rank"] == 4
     assert [wheel["sign"] for wheel in description["frame"]["drive_wheels"]] == [1.0, -1.0]
+    assert main(["reduce", str(SCOOTER), "--slope", "5"]) == 0
+    assert "thrust pushes" not in capsys.readouterr().out
 
 
 def test_lopsided_robot_is_reported(capsys, tmp_path: Path):

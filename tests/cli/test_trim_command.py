@@ -87,6 +87,11 @@ def test_robot_without_thrusters(capsys):
     (row,) = run_json(capsys, str(SCOOTER), "--slope", "10")["branches"]
     assert row["thrust_N"] == 0.0
     assert row["selected_by"] == ["automatic", "least-friction", "least-thrust", "least-power"]
+    # It has no thrust to keep in reserve, and nothing else is scarce.
+    assert main(["trim", str(SCOOTER), "--slope", "10"]) == 0
+    out = capsys.readouterr().out
+    assert "reserves" not in out
+    assert "rotors" not in out
 
 
 @pytest.mark.parametrize(

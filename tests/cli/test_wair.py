@@ -42,6 +42,25 @@ def test_prints_the_table_in_full_when_piped(tmp_path, capsys):
     assert not (tmp_path / "viewer.html").exists()
 
 
+def test_realistic_says_what_was_on(tmp_path, capsys):
+    arguments = ["wair", "--slope", "15", "--realistic", "--seed", "2", "--no-viewer", "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    out = capsys.readouterr().out
+    for word in (
+        "realistic plant",
+        "rotor lag 0.15 s",
+        "IMU noise",
+        "battery at 100 %",
+        "pitch estimate",
+        "charge left",
+    ):
+        assert word in out
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert len(summary["fidelity"]) == 8
+    assert summary["provenance"]["command"].endswith("--realistic --seed 2")
+    assert load_trajectory(tmp_path).attrs["seed"] == 2
+
+
 def test_json_is_the_summary(tmp_path, capsys):
     assert main(["wair", "--slope", "15", "--no-viewer", "--json", "--out", str(tmp_path)]) == 0
     assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / "summary.json").read_text())

@@ -1,4 +1,4 @@
-"""The inertial estimator: its rotations, its Kalman filters against the textbook, and what a sliding wheel does to it."""
+"""The inertial estimator: rotations, Kalman filters against the textbook, and what a sliding wheel does to it."""
 
 from __future__ import annotations
 
@@ -135,8 +135,8 @@ def test_gains_settle_at_the_riccati_equations(case):
 @pytest.mark.parametrize("slope", [0.0, 0.6])
 @pytest.mark.parametrize(
     ("case", "entry"),
-    [*(("longitudinal", i) for i in range(4)), *(("lateral", i) for i in range(6)), *(("vertical", i) for i in range(3))],
-)  # fmt: skip
+    [(case, i) for case, n in (("longitudinal", 4), ("lateral", 6), ("vertical", 3)) for i in range(n)],
+)
 def test_error_models_are_the_derivatives_of_the_navigation(case, entry, slope):
     # Two navigations without any correction, one started with a small error: what they expect of the odometer must
     # differ as the linear model says.
@@ -181,9 +181,10 @@ def _err(one: InertialEstimator, case: str, entry: int, error: float) -> None:
     elif case == "vertical":
         one._vertical_bias[0] += error
     else:
-        vector = {("longitudinal", 2): [0, 1, 0], ("lateral", 2): [1, 0, 0], ("lateral", 3): [0, 0, 1],
-                  ("longitudinal", 3): [0, 1, 0], ("lateral", 4): [1, 0, 0], ("lateral", 5): [0, 0, 1]}[case, entry]  # fmt: skip
-        if (case, entry) in (("longitudinal", 2), ("lateral", 2), ("lateral", 3)):
+        tilts = {("longitudinal", 2): [0, 1, 0], ("lateral", 2): [1, 0, 0], ("lateral", 3): [0, 0, 1]}
+        offsets = {("longitudinal", 3): [0, 1, 0], ("lateral", 4): [1, 0, 0], ("lateral", 5): [0, 0, 1]}
+        vector = {**tilts, **offsets}[case, entry]
+        if (case, entry) in tilts:
             # The odometer counts with the pitch.
             one._drift -= RADIUS * error * vector[1] * np.array([math.cos(one.slope), 0.0, math.sin(one.slope)])
             one._rotation[:] = Rotation.from_rotvec(error * np.array(vector)).as_matrix() @ one._rotation
@@ -193,7 +194,7 @@ def _err(one: InertialEstimator, case: str, entry: int, error: float) -> None:
 
 @pytest.mark.parametrize("slope", [0.0, 0.7])
 def test_errors_are_as_large_as_the_filter_expects(slope):
-    # Forty sensors at rest, each with its own offsets and noise: the scatter of the estimates is what the covariances say.
+    # Forty sensors at rest, each with its own offsets and noise: estimates scatter as the covariances say.
     attitude = pendulum_attitude(slope, 0.1, 0.0, -0.3)
     errors = ImuErrors(gyro_bias_walk=0.0, accelerometer_bias=0.0)
     rate_deviation = ImuErrors.sample_deviation(errors.gyro_noise, DT)

@@ -60,7 +60,7 @@ def setup(pendulum, make_case):
         plan.inputs[:] = case.reference.inputs[sample : sample + N] + np.array([0.05, 1.0])
         nominal = plan.inputs.copy()
         target = Target(problem)
-        target.aim(sample)
+        target.aim(sample, state[0])
         optimiser.improve(plan, state, target)
         return Dense(pendulum, case, problem, state, sample), optimiser, plan, nominal
 

@@ -191,10 +191,11 @@ def test_a_point_never_loses_the_ground_in_a_corner(slopes: tuple[float, float],
         assert jumps.max() < 3.0 * spacing
 
 
-def test_friction_scale_follows_the_segment() -> None:
+@pytest.mark.parametrize("scales", [(1.0, 0.25), (0.25, 1.0)])
+def test_friction_scale_follows_the_segment(scales: tuple[float, float]) -> None:
     profile = np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, -1.0]])
-    icy = Terrain(profile, friction_scale=np.array([1.0, 0.25]))
-    for x, expected in ((-0.5, 1.0), (0.5, 0.25)):
+    icy = Terrain(profile, friction_scale=np.array(scales))
+    for x, expected in zip((-0.5, 0.5), scales, strict=True):
         point = np.array([x, 0.0, min(0.0, -x) - 1e-3])
         assert contacts_of(icy, point=point)[0, kernels.FRICTION_SCALE] == expected
     # On the crest itself, the more slippery of the two.

@@ -150,7 +150,7 @@ def test_free_fall(tmp_path: Path, stepper_type: type[ImplicitStepper] | type[Ex
     assert stepper.time == pytest.approx(0.4)
 
 
-@pytest.mark.parametrize("drop", [0.02, 0.3, 2.0])
+@pytest.mark.parametrize("drop", [0.02, 0.3, 2.0, 2.0015, 2.003, 2.0045])
 def test_landing_loses_energy_and_ends_at_the_static_depth(tmp_path: Path, drop: float) -> None:
     robot = block(tmp_path)
     model = FullModel.build(robot)

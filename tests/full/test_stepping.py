@@ -72,6 +72,32 @@ def test_a_small_step_follows_the_dynamics(
     np.testing.assert_allclose(stepper.configuration, pin.integrate(robot.model, q, 1e-8 * v), atol=1e-12)
 
 
+def test_a_step_takes_servos_and_motors_at_its_end(m4_in_air: FullModel, rng: np.random.Generator) -> None:
+    """M (v+ - v) / dt + h = torques at (q + dt v+, v+), in every joint, at the size of step that is used."""
+    model, robot, dt = m4_in_air, m4_in_air.robot, 1e-3
+    q, v = random_configuration(robot.model, rng), random_velocity(robot.model, rng, scale=0.5)
+    stepper = ImplicitStepper(model, dt)
+    stepper.reset(q, v)
+    actuation = stepper.actuation
+    actuation.servo_targets += rng.uniform(-5e-3, 5e-3, 8)
+    actuation.wheel_duty[:], actuation.wheel_brake[:] = rng.uniform(-1.0, 1.0, 4), rng.uniform(0.0, 0.1, 4)
+    stepper.step()
+    after = stepper.velocity
+    torque = mass_matrix(model, q) @ (after - v) / dt + bias_forces(model, q, v)
+    assert stepper.counters.servo_saturations == 0
+    for i, servo in enumerate(robot.servos):
+        error = actuation.servo_targets[i] - (q[servo.index_q] + dt * after[servo.index_v])
+        expected = servo.stiffness * error - servo.damping * after[servo.index_v]
+        assert torque[servo.index_v] == pytest.approx(expected, abs=1e-8), servo.joint
+        assert stepper.servo_torque[i] == pytest.approx(expected, abs=1e-10)
+    for i, wheel in enumerate(robot.wheels):
+        motor = 0.5 * (robot.motor.torque_constant * actuation.wheel_duty[i])
+        drag = 0.5 * robot.motor.back_emf_constant + actuation.wheel_brake[i]
+        assert torque[wheel.index_v] == pytest.approx(motor - drag * after[wheel.index_v], abs=1e-8), wheel.joint
+    np.testing.assert_allclose(torque[:6], 0.0, atol=1e-8)
+    np.testing.assert_allclose(stepper.configuration, pin.integrate(robot.model, q, dt * after), atol=1e-14)
+
+
 def test_a_free_wheel_runs_up_to_the_no_load_speed(m4_in_air: FullModel) -> None:
     """duty k1 / k2, reached exponentially with the wheel's own inertia over k2 / 2."""
     model, motor = m4_in_air, m4_in_air.robot.motor
@@ -232,5 +258,6 @@ def test_impossible_inertia_shows_as_divergence(tmp_path: Path) -> None:
     q[2] = BLOCK_HALF_SIZE[2] + 1.0
     stepper.reset(q)
     stepper.step()
+    assert stepper.counters.newton_failures == 1
     with pytest.raises(SimulationDivergedError):
         stepper.require_bounded()

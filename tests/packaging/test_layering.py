@@ -39,6 +39,10 @@ RESERVED: dict[str, set[str]] = {
     "pydrake": {"bench"},
     "meshcat": {"view"},
     "matplotlib": {"view"},
+    "plotly": {"view"},
+    "zarr": {"feasibility"},
+    "dask": {"feasibility"},
+    "distributed": {"feasibility"},
 }
 
 
@@ -159,6 +163,7 @@ def loaded_modules(code: str) -> set[str]:
 
 
 HEAVY = {"pinocchio", "numba", "matplotlib", "xarray", "scipy", "proxsuite", "meshcat", "yourdfpy", "h5py", "pandas"}
+HEAVY |= {"zarr", "dask", "distributed", "plotly"}
 PENDULUM = sorted(path.stem for path in (ROOT / PACKAGE / "reduced").glob("*.py") if path.stem != "reduction")
 
 

@@ -190,6 +190,7 @@ def change(path: Path, old: str, new: str) -> None:
         (".toml", '"front_left_hip_frontal",', '"front_left_wheel",', "is continuous; a servo needs"),
         (".toml", '"front_left_hip_frontal",', '"root_joint",', "6 degrees of freedom, not one"),
         (".toml", 'posture = "mip"', 'posture = "up"', "unknown posture 'up'.*valid: ugv, crouch"),
+        (".toml", 'srdf = "m4.srdf"', "", r"posture 'mip', but \[robot\] has no srdf; postures are the <group_state>"),
         (".toml", 'drive_wheels = ["rear_left_wheel"', 'drive_wheels = ["rear_wheel"', "unknown wheel 'rear_wheel'"),
         (
             ".toml",

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from m4_dynamics.control.heading import HeadingGains, HeadingHold
 from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.simulation.climb import ClimbSettings, prepare_climb, run_climb
 
@@ -128,7 +129,7 @@ def test_same_run_twice_is_the_same(m4, controller, tolerance):
 def test_yaw_grows_without_heading_hold(m4):
     settings = ClimbSettings(slope=math.radians(45.0), pitch_error=0.0, yaw_error=1e-4)
     climb = prepare_climb(m4, settings)
-    climb.loop.heading_hold = type(climb.heading_hold)(gain_yaw=0.0, gain_rate=0.0)
+    climb.loop.heading_hold = HeadingHold(gains=HeadingGains(0.0, 0.0))
     for _ in range(500):
         climb.loop.advance()
     assert abs(climb.recorder.heading_estimated[499]) > 50 * 1e-4

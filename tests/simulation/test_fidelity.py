@@ -121,7 +121,7 @@ def test_motor_driver_keeps_torque_and_speed_limits(duty, rate, torque_limit, sp
 
 
 def test_motor_limits_hold_a_plugged_wheel_to_its_effort_limit(m4):
-    # A wheel in the air, spinning backwards at 10 rad/s, thrown to full duty: 3 N m of stall torque and 2 N m of back-EMF.
+    # A wheel in the air spins backwards at 10 rad/s, then gets full duty: 3 N m of stall torque, 2 N m of back-EMF.
     for limits, torque in ((False, 5.0), (True, 3.0)):
         plant = Plant(FullModel.build(m4, flat_terrain()), fidelity=Fidelity(motor_limits=limits), control_period=1e-3)
         q, v = standing(m4), np.zeros(m4.model.nv)

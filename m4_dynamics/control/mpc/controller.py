@@ -14,6 +14,7 @@ from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.mpc.sqp import SqpOptimiser
 from m4_dynamics.control.mpc.target import Target
 from m4_dynamics.control.reference import ReferenceTrajectory
+from m4_dynamics.control.slope_profile import SlopeProfile
 from m4_dynamics.errors import InvalidSettingError, require_finite, require_shape
 from m4_dynamics.reduced.pendulum import STATE_LABELS, MipParameters
 
@@ -35,6 +36,7 @@ class MpcController:
     Attributes:
         problem: What is solved.
         plan: The last plan.
+        rotor: The thrust that the commands have led to; a state of the prediction where the rotors lag.
         target: What the last step aimed at.
         estimator: Of the disturbance; None without disturbance rejection.
         fallbacks: Steps since the start whose inputs did not come from the optimiser.
@@ -42,7 +44,12 @@ class MpcController:
     """
 
     def __init__(
-        self, parameters: MipParameters, reference: ReferenceTrajectory, settings: MpcSettings | None = None
+        self,
+        parameters: MipParameters,
+        reference: ReferenceTrajectory,
+        settings: MpcSettings | None = None,
+        *,
+        profile: SlopeProfile | None = None,
     ) -> None:
         """Set the controller up.
 
@@ -50,30 +57,40 @@ class MpcController:
             parameters: The pendulum.
             reference: What to follow, sampled at the settings' time step.
             settings: The settings, default `MpcSettings()`.
+            profile: The ground by place: the plan takes the slope of each stage from where the wheels are then. None
+                takes the reference's, by time, which is the same as long as the robot is where it should be.
 
         Raises:
             InvalidSettingError: If reference and settings disagree on the time step.
             ConvergenceError: If the robot cannot be stabilised at a trim of the reference.
         """
         settings = settings if settings is not None else MpcSettings()
-        self.problem = Problem(parameters, reference, settings)
-        self.plan = Plan(settings.horizon)
+        self.problem = Problem(parameters, reference, settings, profile)
+        self.rotor = self.problem.rotor
+        self._state: _Array = self.problem.states[0].copy()
+        self.plan = Plan(settings.horizon, len(self._state))
         self.fallbacks = 0
         self.fallbacks_to_lqr = 0
         self.estimator = DisturbanceEstimator(parameters, reference) if settings.disturbance_rejection else None
         self.target = Target(self.problem, None if self.estimator is None else self.estimator.model)
         self._optimiser = SqpOptimiser(self.problem)
-        self._diagnostics = Diagnostics()
         self._lower = np.array([settings.duty_limits[0], settings.thrust_limits[0]])
         self._upper = np.array([settings.duty_limits[1], settings.thrust_limits[1]])
+        self._applied: _Array = np.zeros(2)
+        self.reset()
 
     @property
     def diagnostics(self) -> Diagnostics:
         """Of the last call of `control`; the cost is the paper's J of the plan, without terminal cost and slack."""
         return self._diagnostics
 
-    def reset(self) -> None:
-        """Drop plan, warm start and counters."""
+    def reset(self, *, thrust: float | None = None) -> None:
+        """Drop plan, warm start, disturbance and counters.
+
+        Args:
+            thrust: What the rotors give now [N]; it matters where they lag. None takes that of the reference's start.
+        """
+        self.rotor.reset(float(self.problem.applied[0, 1]) if thrust is None else thrust)
         self.plan.clear()
         self._optimiser.qp.reset()
         if self.estimator is not None:
@@ -95,33 +112,36 @@ class MpcController:
         sample = min(step, self.problem.last_step)
         if estimator is not None:
             estimator.measure(step, state)
-        target.aim(sample)
+        target.aim(sample, state[0])
+        self._state[:4] = state
+        self._state[4:] = self.rotor.thrust_at(step)
         if not plan.move_to(step):
             # The reference's own inputs are where to start from without a plan.
             np.clip(target.inputs, self._lower, self._upper, out=plan.inputs)
-        status, optimised = optimiser.improve(plan, state, target)
+        status, optimised = optimiser.improve(plan, self._state, target)
         if optimised:
             plan.step = step
             plan.age = 0
             inputs: _Array = plan.inputs[0].copy()
         else:
-            inputs = self._fall_back(state, sample)
+            inputs = self._fall_back()
+        self._applied[0] = inputs[0]
+        self._applied[1] = self.rotor.command(inputs[1])
         if estimator is not None:
-            estimator.apply(step, target.slopes[0], inputs)
+            estimator.apply(step, target.slopes[0], self._applied)
         cost, _, slack, residual = optimiser.outcome.tolist()
         self._diagnostics = Diagnostics(cost, slack, status, optimiser.iterations, not optimised, residual)
         return inputs
 
-    def _fall_back(self, state: _Array, sample: int) -> _Array:
+    def _fall_back(self) -> _Array:
         """Inputs without an optimised plan: the last good one while it is fresh, else the saturated LQR."""
-        problem, plan = self.problem, self.plan
+        plan, target = self.plan, self.target
         self.fallbacks += 1
-        if plan.step is not None and plan.age <= problem.settings.plan_age_max:
+        if plan.step is not None and plan.age <= self.problem.settings.plan_age_max:
             planned: _Array = plan.inputs[0].copy()
             return planned
         self.fallbacks_to_lqr += 1
         plan.clear()
-        wanted = problem.states[sample] + [0.0, self.target.pitch_shift, 0.0, 0.0]
-        inputs = self.target.inputs[0] - problem.gains[sample] @ (state - wanted)
+        inputs = target.inputs[0] - target.gain @ (self._state - target.state_now())
         saturated: _Array = np.clip(inputs, self._lower, self._upper)
         return saturated

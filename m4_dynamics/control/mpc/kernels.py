@@ -7,8 +7,9 @@ dx_{k+1} = A_k dx_k + B_k du_k, the quadratic programme is
     min  1/2 z' H z + g' z,   z = (d_0, ..., d_{n-1}, s / slack_scale)
     s.t. C z <= rows_upper,   lower <= z <= upper
 
-whose objective is the cost's change, without factors left out. All kernels that call each other live in this one file,
-because Numba's cache does not notice a change in a callee of another file.
+whose objective is the cost's change, without factors left out. There are nx = 4 states, or 5 where the thrust lags
+behind its command and is the last one. All kernels that call each other live in this one file, because Numba's cache
+does not notice a change in a callee of another file.
 """
 
 from __future__ import annotations
@@ -45,17 +46,17 @@ __all__ = [
 ]
 
 # Layout of the vector of weights and limits.
-STATE_WEIGHTS = 0  # 4 entries
-INPUT_WEIGHTS = 4  # 2 entries
-INPUT_SCALE = 6  # 2 entries
-LOWER = 8  # 2 entries
-UPPER = 10  # 2 entries
-FRICTION = 12
-NORMAL_MIN = 13
-SLACK_SCALE = 14
-SLACK_WEIGHT = 15
-SLACK_CURVATURE = 16
-WEIGHT_COUNT = 17
+STATE_WEIGHTS = 0  # 5 entries; the last one is that of the thrust, where it is a state
+INPUT_WEIGHTS = 5  # 2 entries
+INPUT_SCALE = 7  # 2 entries
+LOWER = 9  # 2 entries
+UPPER = 11  # 2 entries
+FRICTION = 13
+NORMAL_MIN = 14
+SLACK_SCALE = 15
+SLACK_WEIGHT = 16
+SLACK_CURVATURE = 17
+WEIGHT_COUNT = 18
 
 # Layout of the vector that `read_out` and `evaluate` fill.
 COST_PAPER = 0
@@ -102,17 +103,17 @@ def condense(
     """Write the quadratic programme of one linearisation (paper, eq. mpc_formulation) in place.
 
     Args:
-        a: d x_{k+1} / d x_k, shape (n, 4, 4).
-        b: d x_{k+1} / d u_k, shape (n, 4, 2).
-        states: The nominal x_0 .. x_n, shape (n + 1, 4).
+        a: d x_{k+1} / d x_k, shape (n, nx, nx).
+        b: d x_{k+1} / d u_k, shape (n, nx, 2).
+        states: The nominal x_0 .. x_n, shape (n + 1, nx).
         inputs: The nominal u_0 .. u_{n-1}, shape (n, 2).
         force: (f_x, f_n) at (x_k, u_k), shape (n, 2) [N].
-        force_x: Its derivative with respect to x_k, shape (n, 2, 4).
+        force_x: Its derivative with respect to x_k, shape (n, 2, nx).
         force_u: Its derivative with respect to u_k, shape (n, 2, 2).
-        state_reference: Reference of x_1 .. x_n, shape (n, 4).
+        state_reference: Reference of x_1 .. x_n, shape (n, nx).
         input_reference: What the input cost is measured from, shape (n, 2).
         weights: Weights and limits, see the layout.
-        terminal: Weight of the last error, shape (4, 4), symmetric.
+        terminal: Weight of the last error, shape (nx, nx), symmetric.
         hessian: Out: H, shape (m, m) with m = 2 n, or 2 n + 1 with ground constraints.
         gradient: Out: g, shape (m,).
         rows: Out: C, shape (3 n, m), or (0, m) without ground constraints. Only its non-zero entries are written.
@@ -123,81 +124,141 @@ def condense(
     Returns:
         Whether the programme holds finite numbers only.
     """
+    # The number of states as a constant lets the compiler unroll the innermost loops: half the time.
+    if states.shape[1] == 4:
+        return _condense(
+            4,
+            a,
+            b,
+            states,
+            inputs,
+            force,
+            force_x,
+            force_u,
+            state_reference,
+            input_reference,
+            weights,
+            terminal,
+            hessian,
+            gradient,
+            rows,
+            rows_upper,
+            box_lower,
+            box_upper,
+        )
+    return _condense(
+        5,
+        a,
+        b,
+        states,
+        inputs,
+        force,
+        force_x,
+        force_u,
+        state_reference,
+        input_reference,
+        weights,
+        terminal,
+        hessian,
+        gradient,
+        rows,
+        rows_upper,
+        box_lower,
+        box_upper,
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _condense(
+    nx: int,
+    a: _Array,
+    b: _Array,
+    states: _Array,
+    inputs: _Array,
+    force: _Array,
+    force_x: _Array,
+    force_u: _Array,
+    state_reference: _Array,
+    input_reference: _Array,
+    weights: _Array,
+    terminal: _Array,
+    hessian: _Array,
+    gradient: _Array,
+    rows: _Array,
+    rows_upper: _Array,
+    box_lower: _Array,
+    box_upper: _Array,
+) -> bool:
+    """`condense` for nx states."""
     n = inputs.shape[0]
     constrained = rows.shape[0] > 0
     friction = weights[FRICTION]
-    effect = np.empty((n + 1, 4, 2))  # d x_k / d d_j for the j at hand
-    adjoint = np.empty((4, 2))
-    adjoint_next = np.empty((4, 2))
+    effect = np.empty((n + 1, nx, 2))  # d x_k / d d_j for the j at hand
+    adjoint = np.empty((nx, 2))
+    adjoint_next = np.empty((nx, 2))
     check = 0.0
 
     # Gradient by the adjoint recursion: costate = d J / d x_{k+1} (half of it).
-    costate = np.empty(4)
-    costate_next = np.empty(4)
-    for i in range(4):
+    costate = np.empty(nx)
+    costate_next = np.empty(nx)
+    for i in range(nx):
         costate[i] = 0.0
-        for j in range(4):
+        for j in range(nx):
             costate[i] += terminal[i, j] * (states[n, j] - state_reference[n - 1, j])
     for k in range(n - 1, -1, -1):
         for c in range(2):
             scale = weights[INPUT_SCALE + c]
             total = weights[INPUT_WEIGHTS + c] * (inputs[k, c] - input_reference[k, c])
-            for i in range(4):
+            for i in range(nx):
                 total += b[k, i, c] * costate[i]
             gradient[2 * k + c] = 2.0 * scale * total
             check += gradient[2 * k + c] * 0.0
             box_lower[2 * k + c] = (weights[LOWER + c] - inputs[k, c]) / scale
             box_upper[2 * k + c] = (weights[UPPER + c] - inputs[k, c]) / scale
         if k > 0:
-            for i in range(4):
+            for i in range(nx):
                 costate_next[i] = weights[STATE_WEIGHTS + i] * (states[k, i] - state_reference[k - 1, i])
-                for j in range(4):
+                for j in range(nx):
                     costate_next[i] += a[k, j, i] * costate[j]
-            for i in range(4):
+            for i in range(nx):
                 costate[i] = costate_next[i]
 
     # Hessian and rows, one column block (input j) at a time: forward for the effect on the states, backward for H.
     for j in range(n):
         for c in range(2):
             scale = weights[INPUT_SCALE + c]
-            for i in range(4):
+            for i in range(nx):
                 effect[j + 1, i, c] = b[j, i, c] * scale
             if constrained:
                 _constrain(rows, j, 2 * j + c, force_u[j, 0, c] * scale, force_u[j, 1, c] * scale, friction)
         for k in range(j + 1, n):
             for c in range(2):
-                for i in range(4):
-                    effect[k + 1, i, c] = (
-                        a[k, i, 0] * effect[k, 0, c]
-                        + a[k, i, 1] * effect[k, 1, c]
-                        + a[k, i, 2] * effect[k, 2, c]
-                        + a[k, i, 3] * effect[k, 3, c]
-                    )
+                for i in range(nx):
+                    total = 0.0
+                    for h in range(nx):
+                        total += a[k, i, h] * effect[k, h, c]
+                    effect[k + 1, i, c] = total
                 if constrained:
                     friction_force = 0.0
                     normal_force = 0.0
-                    for i in range(4):
+                    for i in range(nx):
                         friction_force += force_x[k, 0, i] * effect[k, i, c]
                         normal_force += force_x[k, 1, i] * effect[k, i, c]
                     _constrain(rows, k, 2 * j + c, friction_force, normal_force, friction)
         for c in range(2):
-            for i in range(4):
-                adjoint[i, c] = (
-                    terminal[i, 0] * effect[n, 0, c]
-                    + terminal[i, 1] * effect[n, 1, c]
-                    + terminal[i, 2] * effect[n, 2, c]
-                    + terminal[i, 3] * effect[n, 3, c]
-                )
+            for i in range(nx):
+                total = 0.0
+                for h in range(nx):
+                    total += terminal[i, h] * effect[n, h, c]
+                adjoint[i, c] = total
         for k in range(n - 1, j - 1, -1):
             for r in range(2):
                 scale = 2.0 * weights[INPUT_SCALE + r]
                 for c in range(2):
-                    value = scale * (
-                        b[k, 0, r] * adjoint[0, c]
-                        + b[k, 1, r] * adjoint[1, c]
-                        + b[k, 2, r] * adjoint[2, c]
-                        + b[k, 3, r] * adjoint[3, c]
-                    )
+                    total = 0.0
+                    for h in range(nx):
+                        total += b[k, h, r] * adjoint[h, c]
+                    value = scale * total
                     if k == j and r == c:
                         value += scale * weights[INPUT_WEIGHTS + r] * weights[INPUT_SCALE + r]
                     hessian[2 * k + r, 2 * j + c] = value
@@ -205,31 +266,28 @@ def condense(
                     check += value * 0.0
             if k > j:
                 for c in range(2):
-                    for i in range(4):
-                        adjoint_next[i, c] = (
-                            weights[STATE_WEIGHTS + i] * effect[k, i, c]
-                            + a[k, 0, i] * adjoint[0, c]
-                            + a[k, 1, i] * adjoint[1, c]
-                            + a[k, 2, i] * adjoint[2, c]
-                            + a[k, 3, i] * adjoint[3, c]
-                        )
+                    for i in range(nx):
+                        total = weights[STATE_WEIGHTS + i] * effect[k, i, c]
+                        for h in range(nx):
+                            total += a[k, h, i] * adjoint[h, c]
+                        adjoint_next[i, c] = total
                 for c in range(2):
-                    for i in range(4):
+                    for i in range(nx):
                         adjoint[i, c] = adjoint_next[i, c]
 
     if constrained:
-        m = 2 * n
+        last = 2 * n
         scale = weights[SLACK_SCALE]
-        hessian[m, m] = 2.0 * weights[SLACK_CURVATURE] * scale * scale
-        gradient[m] = weights[SLACK_WEIGHT] * scale
-        box_lower[m] = 0.0
-        box_upper[m] = UNBOUNDED
+        hessian[last, last] = 2.0 * weights[SLACK_CURVATURE] * scale * scale
+        gradient[last] = weights[SLACK_WEIGHT] * scale
+        box_lower[last] = 0.0
+        box_upper[last] = UNBOUNDED
         for k in range(n):
             rows_upper[3 * k] = friction * force[k, 1] - force[k, 0]
             rows_upper[3 * k + 1] = friction * force[k, 1] + force[k, 0]
             rows_upper[3 * k + 2] = force[k, 1] - weights[NORMAL_MIN]
             for i in range(3):
-                rows[3 * k + i, m] = -scale
+                rows[3 * k + i, last] = -scale
                 check += rows_upper[3 * k + i] * 0.0
     return check == 0.0
 
@@ -335,20 +393,20 @@ def read_out(
         input_reference: As for `condense`.
         weights: As for `condense`.
         terminal: As for `condense`.
-        states_out: Out: the predicted states, shape (n + 1, 4).
+        states_out: Out: the predicted states, shape (n + 1, nx).
         inputs_out: Out: the planned inputs within their bounds, shape (n, 2); may be `inputs` itself.
         outcome: Out: costs, slack and step size, see the layout.
 
     Returns:
         Whether the plan holds finite numbers only.
     """
-    n = inputs.shape[0]
-    change = np.zeros(4)
-    change_next = np.empty(4)
+    n, nx = inputs.shape[0], states.shape[1]
+    change = np.zeros(nx)
+    change_next = np.empty(nx)
     step = np.empty(2)
     step_size = 0.0
     check = 0.0
-    for i in range(4):
+    for i in range(nx):
         states_out[0, i] = states[0, i]
     for k in range(n):
         for c in range(2):
@@ -359,11 +417,11 @@ def read_out(
             value = min(max(value, weights[LOWER + c]), weights[UPPER + c])
             step[c] = value - inputs[k, c]
             inputs_out[k, c] = value
-        for i in range(4):
+        for i in range(nx):
             change_next[i] = b[k, i, 0] * step[0] + b[k, i, 1] * step[1]
-            for j in range(4):
+            for j in range(nx):
                 change_next[i] += a[k, i, j] * change[j]
-        for i in range(4):
+        for i in range(nx):
             change[i] = change_next[i]
             states_out[k + 1, i] = states[k + 1, i] + change[i]
             check += states_out[k + 1, i] * 0.0
@@ -388,7 +446,7 @@ def evaluate(
     """Merit of a plan on the nonlinear model: its cost plus the exact penalty of the worst violated ground constraint.
 
     Args:
-        states: x_0 .. x_n of a rollout, shape (n + 1, 4).
+        states: x_0 .. x_n of a rollout, shape (n + 1, nx).
         inputs: Its inputs, shape (n, 2).
         force: Its ground forces (f_x, f_n), shape (n, 2) [N].
         state_reference: As for `condense`.
@@ -422,12 +480,12 @@ def _costs(
     outcome: _Array,
 ) -> None:
     """Write the paper's J (Q on every error) and the minimised one (its last error weighted with `terminal`)."""
-    n = inputs.shape[0]
+    n, nx = inputs.shape[0], states.shape[1]
     cost = 0.0
     last = 0.0
     for k in range(n):
         last = 0.0
-        for i in range(4):
+        for i in range(nx):
             error = states[k + 1, i] - state_reference[k, i]
             last += weights[STATE_WEIGHTS + i] * error * error
         cost += last
@@ -436,8 +494,8 @@ def _costs(
             cost += weights[INPUT_WEIGHTS + c] * effort * effort
     outcome[COST_PAPER] = cost
     cost -= last
-    for i in range(4):
-        for j in range(4):
+    for i in range(nx):
+        for j in range(nx):
             error = states[n, i] - state_reference[n - 1, i]
             cost += error * terminal[i, j] * (states[n, j] - state_reference[n - 1, j])
     outcome[COST_TERMINAL] = cost

@@ -14,7 +14,7 @@ class Plan:
     """Planned inputs and the states they lead to.
 
     Attributes:
-        states: Predicted x_0 .. x_n, shape (n_h + 1, 4).
+        states: Predicted x_0 .. x_n, shape (n_h + 1, nx).
         inputs: Planned u_0 .. u_{n-1}, shape (n_h, 2).
         step: Control step that u_0 belongs to, None while there is no plan.
         age: Steps since the plan was optimised: 0 if it is the last step's own.
@@ -22,13 +22,14 @@ class Plan:
 
     __slots__ = ("age", "inputs", "states", "step")
 
-    def __init__(self, horizon: int) -> None:
+    def __init__(self, horizon: int, states: int = 4) -> None:
         """Allocate a plan that does not exist yet.
 
         Args:
             horizon: Number of samples n_h.
+            states: Number of states nx.
         """
-        self.states: _Array = np.zeros((horizon + 1, 4))
+        self.states: _Array = np.zeros((horizon + 1, states))
         self.inputs: _Array = np.zeros((horizon, 2))
         self.step: int | None = None
         self.age = 0

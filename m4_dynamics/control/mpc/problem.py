@@ -8,10 +8,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from m4_dynamics.control.lqr import trim_feedback
+from m4_dynamics.control.lqr import state_count, trim_feedback
 from m4_dynamics.control.mpc import kernels
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.reference import ReferenceTrajectory
+from m4_dynamics.control.rotor import RotorModel
+from m4_dynamics.control.slope_profile import SlopeProfile
 from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.reduced.linear import discretise_euler
 from m4_dynamics.reduced.pendulum import MipParameters
@@ -32,20 +34,30 @@ class Problem:
         parameters: The pendulum's parameter vector, see `reduced.kernels`.
         weights: Weights and limits, see `kernels`.
         last_step: Index of the last sample of the reference.
-        states: Reference of the states, shape (N + n_h, 4).
-        inputs: Inputs that belong to it, shape (N + n_h, 2): the trim's while at rest.
+        rotor: How the thrust follows its command.
+        profile: The ground by place; None takes that of the reference, by time.
+        states: Reference of the states, shape (N + n_h, nx): nx = 4, or 5 with the thrust as a state where it lags.
+        applied: Duty and thrust that belong to it, shape (N + n_h, 2): the trim's while at rest.
+        inputs: Inputs that belong to it, shape (N + n_h, 2): as `applied`, with the thrust's command where it lags.
         costed_inputs: What the input cost is measured from, shape (N + n_h, 2).
         slopes: Inclination at each sample, shape (N + n_h,).
-        terminals: Weight of the last error per sample at which the horizon may end, list of N + n_h arrays (4, 4).
-        gains: LQR gain at the trim per sample, list of N + n_h arrays (2, 4).
+        terminals: Weight of the last error per sample at which the horizon may end, list of N + n_h arrays (nx, nx).
+        gains: LQR gain at the trim per sample, list of N + n_h arrays (2, nx).
+        piece_terminals: Weight of the last error per piece of the profile: that of the reference's nearest slope.
+        piece_gains: LQR gain per piece of the profile, likewise.
     """
 
     __slots__ = (
+        "applied",
         "costed_inputs",
         "gains",
         "inputs",
         "last_step",
         "parameters",
+        "piece_gains",
+        "piece_terminals",
+        "profile",
+        "rotor",
         "settings",
         "slopes",
         "states",
@@ -53,13 +65,20 @@ class Problem:
         "weights",
     )
 
-    def __init__(self, parameters: MipParameters, reference: ReferenceTrajectory, settings: MpcSettings) -> None:
+    def __init__(
+        self,
+        parameters: MipParameters,
+        reference: ReferenceTrajectory,
+        settings: MpcSettings,
+        profile: SlopeProfile | None = None,
+    ) -> None:
         """Set the problem up.
 
         Args:
             parameters: The pendulum.
             reference: What to follow, sampled at the settings' time step.
             settings: The settings.
+            profile: The ground by place, over the same wheel angle as the reference's.
 
         Raises:
             InvalidSettingError: If reference and settings disagree on the time step.
@@ -74,14 +93,20 @@ class Problem:
         self.parameters: _Array = parameters.as_array()
         self.weights: _Array = _pack_weights(settings)
         self.last_step = len(reference) - 1
+        self.rotor = RotorModel(parameters, settings.time_step)
+        self.profile = profile
         self.states: _Array = _hold(reference.state, horizon)
-        self.inputs: _Array = _hold(reference.inputs, horizon)
-        self.costed_inputs = self.inputs if settings.input_reference == "trim" else np.zeros_like(self.inputs)
+        self.applied: _Array = _hold(reference.inputs, horizon)
+        self.inputs = self.applied
         self.slopes: _Array = _hold(reference.slope, horizon)
+        lower, upper = np.transpose([settings.duty_limits, settings.thrust_limits])
+        if state_count(parameters, upper - lower) == 5:
+            self.states = np.column_stack([self.states, self.applied[:, 1]])
+            self.inputs = np.column_stack([self.applied[:, 0], self.rotor.commands_for(self.applied[:, 1])])
+        self.costed_inputs = self.inputs if settings.input_reference == "trim" else np.zeros_like(self.inputs)
 
         # One Riccati solution per distinct slope, with the prediction's own discretisation: then the last stage's cost
         # continues the ones before exactly, and without active constraints the MPC is the LQR.
-        lower, upper = np.transpose([settings.duty_limits, settings.thrust_limits])
         feedback = trim_feedback(
             parameters,
             reference,
@@ -92,10 +117,15 @@ class Problem:
         )
         last_weights = list(feedback.costs)
         if settings.terminal_cost == "none":
-            last_weights = [np.diag(settings.state_weights)] * len(last_weights)
+            count = self.states.shape[1]
+            last_weights = [np.diag(self.weights[kernels.STATE_WEIGHTS :][:count])] * len(last_weights)
         per_sample = _hold(feedback.slope_index, horizon)
         self.gains: list[_Array] = [feedback.gains[index] for index in per_sample]
         self.terminals: list[_Array] = [last_weights[index] for index in per_sample]
+        pieces = np.zeros(0) if profile is None else profile.slopes
+        nearest = np.abs(np.subtract.outer(pieces, feedback.slopes)).argmin(axis=1)
+        self.piece_gains: list[_Array] = [feedback.gains[index] for index in nearest]
+        self.piece_terminals: list[_Array] = [last_weights[index] for index in nearest]
 
 
 _Samples = TypeVar("_Samples", NDArray[np.float64], NDArray[np.intp])

@@ -14,7 +14,7 @@ from m4_dynamics.control.mpc.plan import Plan
 from m4_dynamics.control.mpc.problem import Problem
 from m4_dynamics.control.mpc.qp import QuadraticProgramme
 from m4_dynamics.control.mpc.target import Target
-from m4_dynamics.reduced.kernels import rollout_and_linearise
+from m4_dynamics.reduced.kernels import rollout_and_linearise, rollout_over_profile
 
 __all__ = ["SqpOptimiser"]
 
@@ -32,11 +32,11 @@ class Linearisation(NamedTuple):
     """The reduced model along a plan, filled in place by `reduced.kernels.rollout_and_linearise`.
 
     Attributes:
-        states: x_0 .. x_n, shape (n + 1, 4).
-        a: d x_{k+1} / d x_k, shape (n, 4, 4).
-        b: d x_{k+1} / d u_k, shape (n, 4, 2).
+        states: x_0 .. x_n, shape (n + 1, nx).
+        a: d x_{k+1} / d x_k, shape (n, nx, nx).
+        b: d x_{k+1} / d u_k, shape (n, nx, 2).
         force: (f_x, f_n) at (x_k, u_k), shape (n, 2) [N].
-        force_x: Its derivative with respect to x_k, shape (n, 2, 4).
+        force_x: Its derivative with respect to x_k, shape (n, 2, nx).
         force_u: Its derivative with respect to u_k, shape (n, 2, 2).
     """
 
@@ -48,9 +48,9 @@ class Linearisation(NamedTuple):
     force_u: _Array
 
     @classmethod
-    def allocate(cls, n: int) -> Linearisation:
-        """Allocate for n steps."""
-        return cls(*(np.zeros(s) for s in ((n + 1, 4), (n, 4, 4), (n, 4, 2), (n, 2), (n, 2, 4), (n, 2, 2))))
+    def allocate(cls, n: int, nx: int) -> Linearisation:
+        """Allocate for n steps of nx states."""
+        return cls(*(np.zeros(s) for s in ((n + 1, nx), (n, nx, nx), (n, nx, 2), (n, 2), (n, 2, nx), (n, 2, 2))))
 
 
 class SqpOptimiser:
@@ -63,7 +63,17 @@ class SqpOptimiser:
         iterations: Iterations of the QP solver in the last call of `improve`.
     """
 
-    __slots__ = ("_problem", "_trial", "_trial_inputs", "iterations", "linearisation", "outcome", "qp")
+    __slots__ = (
+        "_pieces",
+        "_problem",
+        "_slopes",
+        "_trial",
+        "_trial_inputs",
+        "iterations",
+        "linearisation",
+        "outcome",
+        "qp",
+    )
 
     def __init__(self, problem: Problem) -> None:
         """Allocate everything.
@@ -83,8 +93,11 @@ class SqpOptimiser:
             iterations=settings.solver_iterations,
             inner_iterations=settings.solver_inner_iterations,
         )
-        self.linearisation = Linearisation.allocate(n)
-        self._trial = Linearisation.allocate(n)
+        states = problem.states.shape[1]
+        self.linearisation = Linearisation.allocate(n, states)
+        self._trial = Linearisation.allocate(n, states)
+        self._slopes: _Array = np.zeros(n + 1)
+        self._pieces: NDArray[np.int64] = np.zeros(n + 1, dtype=np.int64)
         self._trial_inputs: _Array = np.zeros((n, 2))
         self.outcome: _Array = np.zeros(kernels.OUTCOME_COUNT)
         self.iterations = 0
@@ -94,7 +107,7 @@ class SqpOptimiser:
 
         Args:
             plan: Its inputs are the starting point, within their bounds.
-            state: The measured x_0, shape (4,), finite.
+            state: x_0, shape (nx,), finite.
             target: What to aim at.
 
         Returns:
@@ -104,15 +117,13 @@ class SqpOptimiser:
         problem, qp, inputs = self._problem, self.qp, plan.inputs
         settings = problem.settings
         states, a, b, force, force_x, force_u = self.linearisation
-        slopes, terminal = target.slopes, target.terminal
-        state_reference, input_reference = target.states, target.costed_inputs
         self.iterations = 0
         optimised = False
         status = ControlStatus.SOLVED
         for _ in range(settings.sqp_iterations):
-            rollout_and_linearise(
-                target.model, slopes, state, inputs, settings.time_step, states, a, b, force, force_x, force_u
-            )
+            self._roll_out(target, state, inputs, self.linearisation)
+            if problem.profile is not None:
+                target.meet(self._slopes, self._pieces)
             finite = condense(
                 a,
                 b,
@@ -121,10 +132,10 @@ class SqpOptimiser:
                 force,
                 force_x,
                 force_u,
-                state_reference,
-                input_reference,
+                target.states,
+                target.costed_inputs,
                 target.weights,
-                terminal,
+                target.terminal,
                 qp.hessian,
                 qp.gradient,
                 qp.rows,
@@ -150,10 +161,10 @@ class SqpOptimiser:
                 b,
                 states,
                 inputs,
-                state_reference,
-                input_reference,
+                target.states,
+                target.costed_inputs,
                 target.weights,
-                terminal,
+                target.terminal,
                 plan.states,
                 inputs,
                 self.outcome,
@@ -165,14 +176,25 @@ class SqpOptimiser:
                 states,
                 inputs,
                 force,
-                state_reference,
-                input_reference,
+                target.states,
+                target.costed_inputs,
                 target.weights,
-                terminal,
+                target.terminal,
                 settings.ground_constraints,
                 self.outcome,
             )
         return status, optimised
+
+    def _roll_out(self, target: Target, state: _Array, inputs: _Array, linearisation: Linearisation) -> None:
+        """Predict and linearise along inputs, on the target's ground or on the profile's where the wheels get to."""
+        problem, time_step = self._problem, self._problem.settings.time_step
+        if problem.profile is None:
+            rollout_and_linearise(target.model, target.slopes, state, inputs, time_step, *linearisation)
+        else:
+            starts, slopes = problem.profile.starts, problem.profile.slopes
+            rollout_over_profile(
+                target.model, starts, slopes, state, inputs, time_step, self._slopes, self._pieces, *linearisation
+            )
 
     def _line_search(self, plan: Plan, state: _Array, target: Target) -> bool:
         """Follow the QP's step as far as the nonlinear merit keeps a share of the promised decrease.
@@ -216,9 +238,7 @@ class SqpOptimiser:
                 weights[kernels.UPPER : kernels.UPPER + 2],
                 out=self._trial_inputs,
             )
-            rollout_and_linearise(
-                target.model, target.slopes, state, self._trial_inputs, settings.time_step, *self._trial
-            )
+            self._roll_out(target, state, self._trial_inputs, self._trial)
             if merit(self._trial, self._trial_inputs) <= before - _DECREASE * length * promised + unresolved:
                 plan.inputs[:] = self._trial_inputs
                 plan.states[:] = self._trial.states

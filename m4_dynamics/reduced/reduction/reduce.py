@@ -123,6 +123,8 @@ def reduce_robot(robot: Robot, posture: str | None = None, *, configuration: Arr
         torque_constant=motor.torque_constant,
         back_emf_constant=motor.back_emf_constant,
         gravity=robot.gravity,
+        # Thrusters share a command in fixed parts: their total lags as their mean does.
+        thrust_time_constant=float(shares @ [thruster.time_constant for thruster in robot.thrusters]),
     )
     for array in (q, shares):
         array.setflags(write=False)

@@ -1,0 +1,1 @@
+"""Maps of where a robot can climb, and what stops it elsewhere."""

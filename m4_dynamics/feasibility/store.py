@@ -1,0 +1,205 @@
+"""Results of a sweep on disk as they come: a Zarr store in which a cell is either there whole or not at all.
+
+The record of a rollout is one chunk, and a chunk appears by renaming a file. A run that is killed therefore loses only
+the rollouts that were under way, and a run that resumes does nothing twice.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from m4_dynamics.errors import ResultFileError
+from m4_dynamics.feasibility.cell import FIELDS, CellIndex
+from m4_dynamics.feasibility.grid import AXIS_UNITS
+
+__all__ = ["SweepStore", "create_store", "open_store", "remove_store"]
+
+_Array = NDArray[np.float64]
+
+_IDENTITY = "identity"
+_AXES = ("friction", "slope", "thrust")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepStore:
+    """An open store.
+
+    Attributes:
+        path: Its folder.
+        identity: Robot, version, axes and settings that all its records share.
+        records: The array of records on disk, shape (friction, slope, thrust, start, fields).
+    """
+
+    path: Path
+    identity: Mapping[str, Any]
+    records: Any
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of frictions, slopes, thrusts and starts."""
+        return tuple(int(n) for n in self.records.shape[:-1])
+
+    def read(self) -> _Array:
+        """All records; NaN where there is none.
+
+        Raises:
+            ResultFileError: A record cannot be read.
+        """
+        try:
+            return np.asarray(self.records[...], dtype=float)
+        except (OSError, ValueError) as error:
+            raise ResultFileError(f"cannot read {self.path}: {error}") from error
+
+    def missing(self) -> list[CellIndex]:
+        """Cells without a record, in the order of the axes."""
+        verdicts = self.read()[..., list(FIELDS).index("verdict")]
+        return [CellIndex(*(int(i) for i in index)) for index in np.argwhere(np.isnan(verdicts))]
+
+    def write(self, index: CellIndex, record: _Array) -> None:
+        """Add one record.
+
+        Args:
+            index: Its place.
+            record: Shape (fields,), with a verdict.
+
+        Raises:
+            ResultFileError: It cannot be written; what was there before still is.
+        """
+        try:
+            self.records[tuple(index)] = record
+        except OSError as error:
+            raise ResultFileError(
+                f"cannot write to {self.path}: {error.strerror or error}; what is done is kept, go on with --resume"
+            ) from error
+
+
+def create_store(path: Path, axes: Mapping[str, _Array], starts: int, identity: Mapping[str, Any]) -> SweepStore:
+    """Make an empty store; it appears whole or not at all.
+
+    Args:
+        path: Its folder, which must not exist.
+        axes: Axis -> values.
+        starts: Rollouts in each cell.
+        identity: What all records share; plain values.
+
+    Returns:
+        The store.
+
+    Raises:
+        ResultFileError: It exists, or cannot be made.
+    """
+    import zarr
+
+    if path.exists():
+        raise ResultFileError(f"{path} exists already")
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        shutil.rmtree(partial, ignore_errors=True)
+        group = zarr.open_group(partial, mode="w-", zarr_format=3)
+        group.attrs.update({_IDENTITY: dict(identity), "kind": "closed-loop"})
+        values: dict[str, NDArray[Any]] = {name: np.asarray(axes[name]) for name in _AXES}
+        values["start"] = np.arange(starts)
+        for name, axis in values.items():
+            array = group.create_array(name, shape=axis.shape, dtype=axis.dtype, dimension_names=(name,))
+            array[...] = axis
+            if name in AXIS_UNITS:
+                array.attrs.update(units=AXIS_UNITS[name][0], long_name=AXIS_UNITS[name][1])
+        shape = tuple(len(axis) for axis in values.values())
+        records = group.create_array(
+            "records",
+            shape=(*shape, len(FIELDS)),
+            chunks=(1, 1, 1, 1, len(FIELDS)),
+            dtype="float64",
+            fill_value=np.nan,
+            compressors=None,
+            dimension_names=(*values, "field"),
+        )
+        records.attrs["fields"] = [
+            {"name": name, "units": field.unit, "long_name": field.meaning} for name, field in FIELDS.items()
+        ]
+        partial.rename(path)
+    except OSError as error:
+        raise ResultFileError(f"cannot make the store {path}: {error.strerror or error}") from error
+    return open_store(path)
+
+
+def open_store(path: Path, identity: Mapping[str, Any] | None = None) -> SweepStore:
+    """Open a store to read it or to go on with it.
+
+    Args:
+        path: Its folder.
+        identity: What the records to come share; None does not write.
+
+    Returns:
+        The store.
+
+    Raises:
+        ResultFileError: There is none, it cannot be read, or its records are of something else.
+    """
+    import zarr
+
+    if not path.is_dir():
+        raise ResultFileError(f"there is no store at {path}")
+    try:
+        group = zarr.open_group(path, mode="r+")
+        attributes: dict[str, Any] = group.attrs.asdict()
+        stored = dict(attributes[_IDENTITY])
+        records: Any = group["records"]
+        names = [field["name"] for field in records.attrs["fields"]]
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise ResultFileError(f"cannot read {path} as the store of a sweep: {error}") from error
+    if names != list(FIELDS):
+        raise ResultFileError(f"the store {path} is from another version: its records hold {', '.join(names)}")
+    if identity is not None:
+        # Through JSON and back: tuples become lists, as they did in the store.
+        wanted = json.loads(json.dumps(dict(identity)))
+        different = _differences(stored, wanted)
+        if different:
+            raise ResultFileError(
+                f"the store {path} is of something else: {'; '.join(different[:4])}; "
+                "name another folder with --out, or use --force"
+            )
+    return SweepStore(path, stored, records)
+
+
+def remove_store(path: Path) -> None:
+    """Remove a store, if there is one.
+
+    Args:
+        path: Its folder.
+
+    Raises:
+        ResultFileError: It is something else, or cannot be removed.
+    """
+    if not path.exists():
+        return
+    open_store(path)  # refuses to remove what is no store
+    try:
+        shutil.rmtree(path)
+    except OSError as error:
+        raise ResultFileError(f"cannot remove {path}: {error.strerror or error}") from error
+
+
+def _differences(stored: Any, wanted: Any, name: str = "") -> list[str]:
+    """What differs between two nests of plain values, each in a few words."""
+    if isinstance(stored, dict) and isinstance(wanted, dict):
+        found = []
+        for key in sorted({*stored, *wanted}):
+            found += _differences(stored.get(key), wanted.get(key), f"{name}.{key}" if name else str(key))
+        return found
+    if stored == wanted:
+        return []
+    return [f"{name} is {_short(stored)} there and {_short(wanted)} here"]
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,0 +1,163 @@
+"""Many rollouts on many processors: Dask's workers compute, this process alone writes."""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from m4_dynamics import __version__
+from m4_dynamics.errors import InvalidSettingError, SchedulerError
+from m4_dynamics.feasibility.cell import CellIndex
+from m4_dynamics.feasibility.rollout import RolloutJob, run_cells
+
+__all__ = ["run_sweep", "workers_by_default"]
+
+_Array = NDArray[np.float64]
+
+#: A worker that dies takes its task along; the task is given to another one this many times.
+_DEATHS_ALLOWED = 3
+#: Rollouts in a task: a task costs the scheduler about 2 ms, a rollout on the full model takes a hundred times as long.
+_BATCH = {"full": 1, "mip": 8}
+_CONNECT_TIMEOUT = 10.0
+
+
+def workers_by_default() -> int:
+    """As many workers as this process may use processors."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_sweep(
+    job: RolloutJob,
+    cells: Sequence[CellIndex],
+    write: Callable[[CellIndex, _Array], None],
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    on_progress: Callable[[float], None] | None = None,
+) -> None:
+    """Run cells and hand over each record as it comes, in whatever order.
+
+    Args:
+        job: What all cells share.
+        cells: The cells.
+        write: Called in this process, once for each cell.
+        workers: Worker processes on this machine; None takes one for each processor, 0 computes in this process.
+        scheduler: Address of a Dask scheduler, "tcp://host:port", instead of workers of this machine.
+        on_progress: Called with the number of cells done.
+
+    Raises:
+        SchedulerError: The scheduler cannot be reached, has no workers or other software, or workers keep dying.
+        InvalidSettingError: The number of workers or the address is not valid.
+    """
+    count = workers_by_default() if workers is None else workers
+    if not 0 <= count <= 1024:
+        raise InvalidSettingError("workers", workers, "a whole number from 0 to 1024")
+    if not cells:
+        return
+    size = _BATCH[job.settings.plant]
+    batches = [list(cells[k : k + size]) for k in range(0, len(cells), size)]
+    results = _on_cluster(job, batches, count, scheduler) if count > 0 or scheduler else _here(job, batches)
+    done = 0
+    for batch in results:
+        for index, record in batch:
+            write(index, record)
+            done += 1
+        if on_progress is not None:
+            on_progress(done)
+
+
+def _here(job: RolloutJob, batches: Sequence[list[CellIndex]]) -> Iterator[list[tuple[CellIndex, _Array]]]:
+    for batch in batches:
+        yield run_cells(job, batch)
+
+
+def _on_cluster(
+    job: RolloutJob, batches: Sequence[list[CellIndex]], workers: int, scheduler: str | None
+) -> Iterator[list[tuple[CellIndex, _Array]]]:
+    from distributed import as_completed
+    from distributed.scheduler import KilledWorker
+
+    with _client(min(workers, len(batches)), scheduler) as client:
+        # A task that unpickles the job, and not data sent ahead: if every worker that holds it dies, it is made anew.
+        shared = client.submit(pickle.loads, pickle.dumps(job), pure=False)
+        futures = [client.submit(run_cells, shared, batch, pure=False) for batch in batches]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+                future.release()
+        except KilledWorker as error:
+            raise SchedulerError(
+                f"workers died {_DEATHS_ALLOWED + 1} times on the same cell; what is done is kept: {error}"
+            ) from error
+        finally:
+            client.cancel(futures)
+
+
+@contextmanager
+def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
+    """Workers of this machine, or those of a running scheduler."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    settings = {
+        "distributed.scheduler.allowed-failures": _DEATHS_ALLOWED,
+        "distributed.comm.timeouts.connect": f"{_CONNECT_TIMEOUT:g}s",
+        "distributed.logging.distributed": "error",
+        "distributed.admin.log-length": 0,
+    }
+    with dask.config.set(settings):
+        if scheduler is None:
+            with (
+                LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    dashboard_address=None,
+                    memory_limit=0,
+                    silence_logs=logging.CRITICAL,
+                ) as cluster,
+                Client(cluster) as client,
+            ):
+                yield client
+            return
+        try:
+            client = Client(scheduler, timeout=_CONNECT_TIMEOUT)
+        except (OSError, TimeoutError) as error:
+            raise SchedulerError(f"cannot reach the scheduler {scheduler}: {error}") from error
+        except ValueError as error:
+            raise InvalidSettingError("scheduler", scheduler, "an address such as tcp://host:8786") from error
+        try:
+            _require_same_software(client, scheduler)
+            yield client
+        finally:
+            client.close()
+
+
+def _require_same_software(client: Any, scheduler: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=_CONNECT_TIMEOUT)
+    except TimeoutError as error:
+        raise SchedulerError(f"the scheduler {scheduler} has no workers; start some with `dask worker`") from error
+    try:
+        versions = client.run(_version)
+    except ModuleNotFoundError as error:
+        raise SchedulerError(f"a worker of {scheduler} does not have this package: {error}") from error
+    other = {worker: version for worker, version in versions.items() if version != __version__}
+    if other:
+        worker, version = next(iter(other.items()))
+        raise SchedulerError(f"worker {worker} has version {version} of this package, {__version__} is needed")
+
+
+def _version() -> str:
+    """Run by a worker: the version that it has."""
+    return __version__

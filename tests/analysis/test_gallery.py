@@ -1,0 +1,72 @@
+"""The scripts of the gallery run, print what they compute and refuse bad input in a sentence."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import sys
+from pathlib import Path
+
+import pytest
+
+GALLERY = Path(__file__).parents[2] / "analysis"
+
+
+def run(name: str, monkeypatch: pytest.MonkeyPatch, *arguments: str) -> None:
+    monkeypatch.setattr(sys, "argv", [name, *arguments])
+    runpy.run_path(str(GALLERY / name), run_name="__main__")
+
+
+def figures(out: str, first: str) -> list[list[str]]:
+    """Cells of the rows that start with a given cell."""
+    rows = [re.split(r"\s{2,}", line.strip()) for line in out.splitlines()]
+    return [row for row in rows if row[0] == first]
+
+
+def test_climb_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    run("climb_table.py", monkeypatch, "--slopes", "45", "--pitch-errors", "5")
+    (row,) = figures(capsys.readouterr().out, "45")
+    assert row[1:3] == ["+5", "climbed"]
+    slip, slid, wheel_rms = map(float, row[3:6])
+    assert 0.0 < slip <= 5.0
+    assert 0.0 < slid <= 5.0
+    assert 0.0 < wheel_rms <= 20.0
+    assert float(row[10]) > 100.0 * float(row[9])
+    assert row[11].startswith("fell after ")
+
+
+def test_paper_horizon(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    run("paper_horizon.py", monkeypatch, "--slopes", "15", "30", "--horizons", "10", "15", "20")
+    out = capsys.readouterr().out
+    for slope in ("15", "30"):
+        (row,) = figures(out, slope)
+        ten, fifteen, twenty = map(float, row[3:])
+        assert 0.5 < ten < 1.5
+        assert twenty < fifteen < 0.0
+
+
+def test_sideways_forces(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    run("sideways_forces.py", monkeypatch, "--slopes", "45", "55")
+    out = capsys.readouterr().out
+    (ahead,), (level,) = figures(out, "45"), figures(out, "55")
+    assert float(ahead[4]) > 0.5
+    assert float(level[4]) < 0.05
+    # A spring that hardly gives cannot be turned.
+    run("sideways_forces.py", monkeypatch, "--slopes", "45", "--servo-stiffness", "40000")
+    (stiff,) = figures(capsys.readouterr().out, "45")
+    assert float(stiff[4]) < 0.05
+
+
+def test_frames_sketch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    run("frames_sketch.py", monkeypatch, str(tmp_path / "frames.png"))
+    assert (tmp_path / "frames.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", ["climb_table.py", "paper_horizon.py"])
+def test_a_robot_that_is_not_there_is_named(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        run(name, monkeypatch, "nowhere.toml")
+    assert caught.value.code == 2
+    assert "nowhere.toml: no such file" in capsys.readouterr().err

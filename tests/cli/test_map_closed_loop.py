@@ -1,0 +1,57 @@
+"""`m4 map closed-loop` from the outside."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from m4_dynamics.cli.main import main
+from m4_dynamics.feasibility.files import load_map
+
+SMALL = ("--slope", "10:50:3", "--thrust", "4,16,40", "--plant", "mip", "--workers", "0")
+
+
+def test_map_is_written_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["map", "closed-loop", *SMALL, "--out", str(tmp_path), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["rollouts"] == 9
+    assert said["verdicts"]["climbed"] >= 4
+    assert said["verdicts"]["infeasible"] == 3
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+    page = (tmp_path / "map.html").read_text()
+    assert "Plotly.newPlot" in page
+    assert "cdn" not in page.split("<body>")[0].lower()
+    dataset = load_map(tmp_path)
+    assert dataset.attrs["plant"] == "mip"
+    assert len(dataset.attrs["sha256_toml"]) == 64
+    assert all("units" in variable.attrs for variable in dataset.data_vars.values())
+
+    assert main(["map", "closed-loop", *SMALL, "--out", str(tmp_path)]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert main(["map", "closed-loop", *SMALL, "--out", str(tmp_path), "--resume"]) == 0
+    assert "Agreement" in capsys.readouterr().out
+    assert main(["map", "closed-loop", *SMALL, "--out", str(tmp_path), "--resume", "--seed", "5"]) == 2
+    assert "settings.seed is 0 there and 5 here" in capsys.readouterr().err
+    assert (load_map(tmp_path)["elapsed"] == dataset["elapsed"]).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--workers", "-1"], "workers"),
+        (["--duration", "1"], "two ramps"),
+        (["--duration", "nan"], "duration"),
+        (["--starts", "0"], "starts"),
+        (["--slope", "45:40:3"], "increasing"),
+        (["--resume", "--force"], "one of them"),
+    ],
+)
+def test_bad_options_say_what_would_be_valid(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    assert main(["map", "closed-loop", "--plant", "mip", "--out", str(tmp_path), *options]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
