@@ -89,6 +89,7 @@ def draw(rows: Sequence[Sequence[object]], conditions: str, path: Path) -> Path:
             axes.set_xscale("log")
             axes.set_xlim(10.0 ** math.floor(math.log10(min(finite))), 10.0 ** math.ceil(math.log10(max(finite))))
             axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            axes.xaxis.set_minor_formatter(lambda value, _: "")
     panels[2].axvline(1.0, color=COLOURS["slate"], linestyle=(0, (1, 1.6)), linewidth=1.3)
     panels[0].set_yticks(range(len(names)), names)
     panels[0].invert_yaxis()

@@ -48,7 +48,10 @@ _PUBLIC: dict[str, str] = {
     # control
     "BalanceController": "m4_dynamics.control.controller",
     "BalanceEstimator": "m4_dynamics.control.estimator",
+    "DelayCompensator": "m4_dynamics.control.delay",
     "HeadingHold": "m4_dynamics.control.heading",
+    "ImuErrors": "m4_dynamics.control.imu",
+    "InertialEstimator": "m4_dynamics.control.inertial",
     "LqrController": "m4_dynamics.control.lqr",
     "MpcController": "m4_dynamics.control.mpc.controller",
     "MpcSettings": "m4_dynamics.control.mpc.settings",
@@ -56,12 +59,14 @@ _PUBLIC: dict[str, str] = {
     "ReferenceTrajectory": "m4_dynamics.control.reference",
     "climb_reference": "m4_dynamics.control.reference",
     # simulation
+    "Battery": "m4_dynamics.simulation.battery",
     "ClimbSettings": "m4_dynamics.simulation.climb",
     "Plant": "m4_dynamics.simulation.plant",
     "Fidelity": "m4_dynamics.simulation.fidelity",
     "load_trajectory": "m4_dynamics.simulation.trajectory",
     "prepare_climb": "m4_dynamics.simulation.climb",
     "run_climb": "m4_dynamics.simulation.climb",
+    "run_climbs": "m4_dynamics.simulation.batch",
     "save_trajectory": "m4_dynamics.simulation.trajectory",
     # missions
     "Mission": "m4_dynamics.mission.schema",

@@ -49,3 +49,71 @@ def example_robots() -> Path:
             pytest.fail(reason)
         pytest.skip(reason)
     return Path(str(distribution.locate_file("cmeel.prefix/share/example-robot-data/robots")))
+
+
+SHORT_MISSION = """
+name = "short"
+[start]
+posture = "mip_sitting"
+distance_to_foot_m = 0.9
+[terrain]
+profile = "ramp"
+slope_deg = 20.0
+length_m = 3.0
+[[phase]]
+name = "settle"
+kind = "morph"
+posture = "mip_sitting"
+duration_s = 1.0
+[[phase]]
+name = "raise"
+kind = "raise"
+duration_s = 3.0
+[[phase]]
+name = "approach"
+kind = "balance"
+controller = "pid"
+to_m = -0.5
+settle_s = 0.5
+hold_s = 0.3
+[[phase]]
+name = "climb"
+kind = "balance"
+to_m = 0.7
+settle_s = 0.5
+hold_s = 0.3
+[[phase]]
+name = "back"
+kind = "balance"
+to_m = -0.7
+speed_m_s = 0.5
+settle_s = 0.3
+hold_s = 0.5
+[[phase]]
+name = "sit"
+kind = "sit"
+duration_s = 3.0
+"""
+
+
+@pytest.fixture(scope="session")
+def mission_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the trajectory of a short mission of all kinds of phases, run once a session."""
+    from m4_dynamics.mission.loading import parse_mission
+    from m4_dynamics.mission.runner import run_mission
+    from m4_dynamics.robot.loading import load_robot
+    from m4_dynamics.simulation.trajectory import save_trajectory
+
+    folder = tmp_path_factory.mktemp("mission")
+    result = run_mission(load_robot(), parse_mission(SHORT_MISSION, folder / "short.toml"))
+    assert result.summary.verdict == "completed", result.summary.reason
+    save_trajectory(result.dataset, folder / "trajectory.nc")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def mission_run(mission_folder: Path) -> Any:
+    """The trajectory of the short mission, read back from its file."""
+    from m4_dynamics.simulation.trajectory import load_trajectory
+
+    return load_trajectory(mission_folder)

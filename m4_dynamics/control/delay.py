@@ -21,8 +21,9 @@ _Array = NDArray[np.float64]
 class DelayCompensator:
     """A balance controller whose commands act a few samples late.
 
-    The commands still on their way carry the measured state forward on the reduced model; the controller within decides
-    on the state, and follows the reference, of the sample in which its command will act.
+    The commands still on their way carry the measured state forward on the reduced model, with the disturbance that the
+    controller within has found. That one decides on the state, and follows the reference, of the sample in which its
+    command will act.
 
     Attributes:
         controller: The controller within.
@@ -57,7 +58,9 @@ class DelayCompensator:
         self.controller = controller
         self.delay = delay
         self._reference = reference
-        self._model = parameters.as_array()
+        # What a controller has found its model to lack acts on the way, too: without it an offset would stay.
+        estimator = getattr(controller, "estimator", None)
+        self._model: _Array = parameters.as_array() if estimator is None else estimator.model
         self._on_the_way = np.tile(reference.inputs[0], (delay, 1))
         self._thrust = float(reference.inputs[0, 1])
         step = reference.time_step

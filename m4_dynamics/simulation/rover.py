@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from m4_dynamics.control.controller import Diagnostics
 from m4_dynamics.errors import InvalidSettingError, RobotDescriptionError
+from m4_dynamics.full import kernels
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.full.standing import standing_configuration
 from m4_dynamics.full.terrain import ramp_terrain
@@ -40,7 +41,7 @@ Array = NDArray[np.float64]
 SPEED_FREQUENCY = 8.0
 #: A rover that leans back this far from the slope has tipped [rad].
 TIPPED_ANGLE = math.radians(40.0)
-#: A rover that falls short although its wheels rolled this much farther than it went has slipped [m].
+#: A rover that falls short, a wheel of which has slid this far, has slipped [m].
 SLIPPED_WAY = 0.1
 
 
@@ -49,7 +50,7 @@ class RoverOutcome(StrEnum):
 
     Attributes:
         CLIMBED: It went the way asked for, up the slope.
-        SLIPPED: Its wheels turned, but it fell short.
+        SLIPPED: It fell short because its wheels slid.
         TIPPED: It fell over backwards.
         STALLED: Its motors could not turn the wheels.
     """
@@ -127,7 +128,7 @@ class RoverRun:
 
 
 def rover_limits(robot: Robot, *, friction_static: float, posture: str = "ugv") -> RoverLimits:
-    """Static limits of a robot that stands across a slope on all its wheels, nose uphill (+x of its base).
+    """Static limits of a robot that stands on a slope on all its wheels, nose uphill (+x of its base).
 
     Args:
         robot: The robot.
@@ -200,16 +201,8 @@ def drive_rover(robot: Robot, settings: RoverSettings) -> RoverRun:
         if way[k] >= settings.way:
             break
     n = recorder.count
-    climbed, driven = max(float(way[:n].max()), 0.0), float(rolled[n - 1])
-    gone = float(way[n - 1] - way[0])
-    if climbed >= settings.way:
-        outcome = RoverOutcome.CLIMBED
-    elif tipped:
-        outcome = RoverOutcome.TIPPED
-    elif driven - gone > SLIPPED_WAY:
-        outcome = RoverOutcome.SLIPPED
-    else:
-        outcome = RoverOutcome.STALLED
+    climbed, slid = max(float(way[:n].max()), 0.0), float(recorder.statistics[n - 1, :, kernels.SLIP_DISTANCE].max())
+    outcome = _judge(climbed >= settings.way, tipped, slid)
     dataset = build_trajectory(
         recorder,
         reduce_robot(robot),
@@ -228,11 +221,20 @@ def drive_rover(robot: Robot, settings: RoverSettings) -> RoverRun:
     return RoverRun(
         outcome=outcome,
         climbed=climbed,
-        rolled=driven,
-        slid=float(dataset["slip_distance"].sum("time").max()),
+        rolled=float(rolled[n - 1]),
+        slid=slid,
         limits=rover_limits(robot, friction_static=friction, posture=settings.posture),
         dataset=dataset,
     )
+
+
+def _judge(arrived: bool, tipped: bool, slid: float) -> RoverOutcome:
+    """How a drive ended, from whether it arrived, whether it tipped, and how far its worst wheel slid [m]."""
+    if arrived:
+        return RoverOutcome.CLIMBED
+    if tipped:
+        return RoverOutcome.TIPPED
+    return RoverOutcome.SLIPPED if slid > SLIPPED_WAY else RoverOutcome.STALLED
 
 
 class _SpeedLoops:

@@ -35,6 +35,22 @@ def test_climb_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixt
     assert row[11].startswith("fell after ")
 
 
+def test_offset_free(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    run("offset_free.py", monkeypatch, "--slopes", "45", "--plants", "thrust -15 %")
+    (row,) = figures(capsys.readouterr().out, "thrust -15 %")
+    without, with_estimate, on_wheel, on_pitch, thrust, reference = map(float, row[2:])
+    assert without < -50.0
+    assert abs(with_estimate) < 5.0
+    # A seventh of the thrust is missing: what it would have done is the disturbance, and more is asked for.
+    assert thrust == pytest.approx(reference / 0.85, rel=1e-3)
+    # Its arms: r cos(theta + beta) at a pitch of -36.8 deg, and l_t,z.
+    assert on_wheel == pytest.approx(-0.15 * thrust * 0.125 * 0.990, rel=0.02)
+    assert on_pitch == pytest.approx(-0.15 * thrust * 0.744, rel=0.02)
+    with pytest.raises(SystemExit):
+        run("offset_free.py", monkeypatch, "--plants", "thrust -16 %")
+    assert "mass +10 %" in capsys.readouterr().err
+
+
 def test_paper_horizon(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     run("paper_horizon.py", monkeypatch, "--slopes", "15", "30", "--horizons", "10", "15", "20")
     out = capsys.readouterr().out

@@ -13,6 +13,7 @@ from m4_dynamics.errors import InvalidSettingError, NonFiniteError
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.full.terrain import flat_terrain
 from m4_dynamics.reduced.reduction import reduce_robot
+from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
 from m4_dynamics.simulation.plant_errors import PlantErrors, perturbed_robot
 
@@ -115,6 +116,14 @@ def test_steady_wheel_error_stays_under_a_centimetre(climb, frame, slope, error)
     time = dataset.time.to_numpy()
     assert np.abs(wheel_error[time >= 6.0]).max() <= 0.004  # required 0.01, measured 0.001 to 0.003
     assert np.abs(wheel_error[(time >= 2.5) & (time < 3.5)]).max() <= 0.005
+
+
+@pytest.mark.parametrize("fidelity", [Fidelity(control_delay=3), Fidelity.realistic()], ids=["delay", "realistic"])
+def test_nor_does_it_where_commands_act_late_and_sensors_err(climb, frame, fidelity):
+    errors = plant_errors(frame, thrust_scale=0.85, mass_scale=1.1)
+    dataset = climb(45.0, 5.0, plant_errors=errors, fidelity=fidelity, duration=8.0).dataset
+    wheel_error = (dataset.state - dataset.state_reference).sel(reduced_state="wheel_angle").to_numpy() * 0.125
+    assert abs(wheel_error[-100:].mean()) <= 0.01  # measured 0.001 and 0.004
 
 
 def test_without_the_estimate_it_does_not(climb, frame):

@@ -16,6 +16,7 @@ import xarray
 from PIL import Image
 
 from m4_dynamics.robot.robot import Robot
+from m4_dynamics.view.phases import phases_of
 from m4_dynamics.view.replay import write_replay_html
 
 # A slow machine draws a few frames a second, so tests wait for frames, not for a time.
@@ -212,6 +213,7 @@ def test_playback_pauses_scrubs_and_starts_over(opened: Opened) -> None:
 
 def test_meshcat_controls_are_there_and_work(opened: Opened) -> None:
     page = opened.page
+    page.click(".dg .close-button")  # they are folded away
     folder = page.locator(".dg li.cr.function", has_text="pause")
     folder.first.click()
     assert not page.evaluate("() => viewer.animator.playing")
@@ -245,6 +247,38 @@ def test_following_keeps_the_robot_in_the_middle(opened: Opened) -> None:
     opened.page.evaluate("overview()")
     opened.seek(0.5)
     assert np.abs(opened.page.evaluate(middle)).max() > 0.1
+
+
+def test_a_climb_shows_no_phases(opened: Opened) -> None:
+    assert opened.page.locator("#phase").is_hidden()
+    assert opened.page.locator("#phases").is_hidden()
+
+
+def test_phases_are_named_as_they_play(browser: Any, mission_run: xarray.Dataset, robot: Robot, tmp_path: Path) -> None:
+    tab = Opened(browser, write_replay_html(mission_run, robot, tmp_path / "viewer.html"))
+    page = tab.page
+    bars = page.locator("#phases button")
+    phases = phases_of(mission_run)
+    assert bars.count() == len(phases)
+    for phase in phases:
+        tab.seek(0.5 * (phase.start + phase.end))
+        assert page.inner_text("#phase output") == phase.label
+        assert page.locator("#phases [aria-current=true]").get_attribute("aria-label").startswith(phase.label)
+    # Each bar is as long as its phase, and ends where the slider's thumb is at its end.
+    boxes = [bars.nth(order).bounding_box() for order in range(len(phases))]
+    track = boxes[-1]["x"] + boxes[-1]["width"] - boxes[0]["x"]
+    for box, phase in zip(boxes, phases, strict=True):
+        assert box["width"] / track == pytest.approx((phase.end - phase.start) / phases[-1].end, abs=0.01)
+    bars.nth(3).click()
+    tab.settle()
+    assert page.evaluate("viewer.animator.time") == pytest.approx(phases[3].start, abs=1e-3)
+    assert page.inner_text("#phase output") == "climb (MPC)"
+    assert page.inner_text("#readouts dt:has-text('friction use') + dd") != "–"
+    bars.nth(0).click()
+    tab.settle()
+    assert page.inner_text("#readouts dt:has-text('friction use') + dd") == "–"
+    assert tab.messages == []
+    page.close()
 
 
 def test_page_fits_a_phone(browser: Any, file: Path) -> None:

@@ -16,6 +16,8 @@ import xarray
 
 from m4_dynamics.errors import InvalidSettingError, NonFiniteError, ResultFileError
 from m4_dynamics.robot.robot import Robot
+from m4_dynamics.view.arrows import round_scale
+from m4_dynamics.view.phases import phases_of
 from m4_dynamics.view.replay import replay_html, write_replay_html
 
 Tracks = dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]
@@ -180,6 +182,48 @@ def test_readouts_are_the_trajectory(page: str, climb: xarray.Dataset) -> None:
     assert values["pitch"] == pytest.approx(np.rad2deg(sample.state.values[1]), abs=0.01)
     assert values["thrust"] == pytest.approx(float(sample.thrust.sum()), abs=0.01)
     assert values["friction use"] == pytest.approx(100 * abs(along) / (0.8 * normal), abs=0.1)
+
+
+def test_a_mission_tells_its_phases(mission_run: xarray.Dataset, robot: Robot) -> None:
+    page = replay_html(mission_run, robot)
+    data, _ = embedded(page)
+    assert "<title>m4: mission short</title>" in page
+    assert data["conditions"] == ["slope 20°", "friction μₛ 0.8", "controller default, pid", "verdict: completed"]
+    assert [(one["label"], one["start"], one["end"]) for one in data["phases"]] == [
+        (phase.label, round(phase.start, 4), round(phase.end, 4)) for phase in phases_of(mission_run)
+    ]
+    assert embedded(replay_html(mission_run.drop_vars("phase"), robot))[0]["phases"] == []
+
+
+def test_friction_is_read_out_only_while_it_balances(mission_run: xarray.Dataset, robot: Robot) -> None:
+    data, _ = embedded(replay_html(mission_run, robot))
+    readouts = {readout["label"]: readout["values"] for readout in data["readouts"]}
+    _, raising, _, climbing, *_ = phases_of(mission_run)
+    lying, driving = (round(30.0 * (phase.start + 2.0)) for phase in (raising, climbing))
+    sample = mission_run.interp(time=driving / 30.0)
+    along, normal = sample.ground_force_simulated.values
+    assert readouts["friction use"][lying] is None
+    assert readouts["with sideways"][lying] is None
+    assert readouts["friction use"][driving] == pytest.approx(100.0 * abs(along) / (0.8 * normal), abs=0.1)
+    assert readouts["with sideways"][driving] >= readouts["friction use"][driving]
+    assert readouts["way from the foot"][driving] == pytest.approx(float(sample.travel), abs=1e-3)
+    assert readouts["ground"][0] == 0.0
+
+
+def test_a_long_mission_makes_a_small_page(mission_run: xarray.Dataset, robot: Robot, tmp_path: Path) -> None:
+    path = write_replay_html(mission_run, robot, tmp_path / "viewer.html")
+    duration = float(mission_run.time[-1])
+    # The viewer's own program is part of it, so a longer mission takes less per second than this one.
+    assert path.stat().st_size * 55.0 / duration < 5e6
+
+
+def test_short_knocks_do_not_shrink_the_arrows() -> None:
+    force = np.full((1000, 3), 20.0)
+    usual = round_scale([force])
+    force[500:504] *= 10.0
+    assert round_scale([force]) == usual
+    force[500:600] *= 10.0
+    assert round_scale([force]) < usual
 
 
 def test_names_cannot_break_the_page(climb: xarray.Dataset, robot: Robot) -> None:

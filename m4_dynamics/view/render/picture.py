@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from m4_dynamics.view.render.camera import Camera
-from m4_dynamics.view.render.kernels import rasterise
+from m4_dynamics.view.render.kernels import rasterise, shade
 from m4_dynamics.view.render.solids import GroundSlab, Solid
 
 __all__ = ["Frame", "draw_picture", "render_picture"]
@@ -25,7 +25,6 @@ _LIGHT_TILE, _DARK_TILE, _FLANK = (0.90, 0.915, 0.93), (0.79, 0.815, 0.84), (0.6
 _OUTLINE = 0.32  # brightness of an outline
 _FINE = 2  # pixels in place of one, averaged in the end
 _SHADOW_PIXEL = 0.004  # [m]
-_TAPS = ((-1.0, -1.0), (1.0, -1.0), (0.0, 0.0), (-1.0, 1.0), (1.0, 1.0))  # [shadow pixel], for a soft edge
 _SHADOW_SLACK = 0.012  # [m] a surface this far behind the first one that the sun meets is still lit
 
 
@@ -78,113 +77,80 @@ def render_picture(
     Returns:
         RGBA in [0, 1], shape (rows, columns, 4), the upper row first; transparent where there is nothing.
     """
-    fine = _FINE * resolution
+    pixel = 1.0 / (_FINE * resolution)
     rows = _FINE * round((frame.top - frame.bottom) * resolution)
     columns = _FINE * round((frame.right - frame.left) * resolution)
-    groups = [solid.corners for solid in solids]
-    bodies = sum(len(corners) for corners in groups)
+    surfaces = _surfaces(solids, ground)
+    seen = camera.view(surfaces.corners)
+    pixels = np.stack(
+        [(seen[..., 0] - frame.left) / pixel, (frame.top - seen[..., 1]) / pixel, seen[..., 2]], axis=-1
+    )  # fmt: skip
+    depth, nearest = _depth_buffer(pixels, rows, columns)
+    sun = Camera(_SUN)
+    sun_depth, sun_low = _shadows(solids, sun)
+    image = np.zeros((rows // _FINE, columns // _FINE, 4))
+    shade(
+        depth, nearest, frame.left, frame.top, pixel, camera.axes, surfaces.owner, surfaces.outlined, surfaces.colour,
+        surfaces.normal, surfaces.tiling, _TILE, np.array(_DARK_TILE), sun.axes, sun_depth, sun_low, _SHADOW_PIXEL,
+        _SHADOW_SLACK, _AMBIENT, _SUNLIGHT, _IN_SHADOW, _OUTLINE, _FINE, image,
+    )  # fmt: skip
+    return image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Surfaces:
+    """Everything in sight as triangles, with what `shade` wants to know of each."""
+
+    corners: Array
+    owner: NDArray[np.int64]
+    outlined: NDArray[np.bool_]
+    colour: Array
+    normal: Array
+    tiling: Array
+
+
+def _surfaces(solids: Sequence[Solid], ground: GroundSlab | None) -> _Surfaces:
+    corners = [solid.corners for solid in solids]
+    colours = [np.tile(solid.colour, (len(solid.corners), 1)) for solid in solids]
+    normals = [solid.normals for solid in solids]
+    tilings = [np.zeros((len(solid.corners), 3)) for solid in solids]
     if ground is not None:
         surface, flank = ground.triangles()
-        groups += [surface, flank]
-    corners = np.concatenate(groups) if groups else np.empty((0, 3, 3))
-    owner = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-
-    seen = camera.view(corners)
-    pixels = np.stack([(seen[..., 0] - frame.left) * fine, (frame.top - seen[..., 1]) * fine, seen[..., 2]], axis=-1)
-    depth, nearest = np.full((rows, columns), np.inf), np.full((rows, columns), -1, dtype=np.int64)
-    rasterise(np.ascontiguousarray(pixels), depth, nearest)
-
-    row, column = np.nonzero(nearest >= 0)
-    triangle = nearest[row, column]
-    place = camera.world(
-        np.column_stack(
-            [frame.left + (column + 0.5) / fine, frame.top - (row + 0.5) / fine, depth[row, column]]
-        )
-    )  # fmt: skip
-    albedo, normal = _surfaces(solids, ground, triangle, bodies, place)
-    sun = np.array(_SUN) / np.linalg.norm(_SUN)
-    sunlight = np.clip(normal @ sun, 0.0, 1.0) * _share_of_sun(solids, place)
-    image = np.zeros((rows, columns, 4))
-    image[row, column, :3] = np.clip(albedo * (_AMBIENT + _SUNLIGHT * sunlight)[:, None], 0.0, 1.0)
-    image[row, column, 3] = 1.0
-    _draw_outlines(image, np.where(nearest >= 0, owner[nearest], -1), len(solids), depth)
-    return _average(image)
-
-
-def _surfaces(
-    solids: Sequence[Solid], ground: GroundSlab | None, triangle: NDArray[np.int64], bodies: int, place: Array
-) -> tuple[Array, Array]:
-    """Colour and normal of the surface in each pixel that shows one."""
-    count = len(triangle)
-    albedo: Array = np.empty((count, 3))
-    normal: Array = np.empty((count, 3))
-    on_body = triangle < bodies
-    if bodies:
-        colours = np.concatenate([np.tile(solid.colour, (len(solid.corners), 1)) for solid in solids])
-        normals = np.concatenate([solid.normals for solid in solids])
-        albedo[on_body], normal[on_body] = colours[triangle[on_body]], normals[triangle[on_body]]
-    if ground is not None:
         pieces = np.diff(ground.profile, axis=0)
         length = np.linalg.norm(pieces, axis=1)
         upward = np.column_stack([-pieces[:, 1], np.zeros(len(pieces)), pieces[:, 0]]) / length[:, None]
-        below = ~on_body
-        rank = triangle[below] - bodies
-        on_top = rank < 2 * len(pieces)
-        arc = np.concatenate([[0.0], np.cumsum(length)])
         # Tiles are counted from the world's origin, where slopes begin, so that they stay where they are.
-        origin = np.interp(0.0, ground.profile[:, 0], arc)
-        along = np.interp(place[below, 0], ground.profile[:, 0], arc) - origin
-        dark = (np.floor(along / _TILE) + np.floor(place[below, 1] / _TILE)) % 2 == 1
-        colour = np.where(dark[:, None], _DARK_TILE, _LIGHT_TILE)
-        albedo[below] = np.where(on_top[:, None], colour, _FLANK)
-        normal[below] = np.where(on_top[:, None], upward[rank % (2 * len(pieces)) // 2], (0.0, -1.0, 0.0))
-    return albedo, normal
+        arc = np.concatenate([[0.0], np.cumsum(length)])
+        arc -= np.interp(0.0, ground.profile[:, 0], arc)
+        along = np.column_stack([ground.profile[:-1, 0], arc[:-1], length / pieces[:, 0]])
+        corners += [surface, flank]
+        colours += [np.tile(_LIGHT_TILE, (len(surface), 1)), np.tile(_FLANK, (len(flank), 1))]
+        normals += [np.repeat(upward, 2, axis=0), np.tile((0.0, -1.0, 0.0), (len(flank), 1))]
+        tilings += [np.repeat(along, 2, axis=0), np.zeros((len(flank), 3))]
+    owner = np.repeat(np.arange(len(corners)), [len(group) for group in corners])
+    none = np.empty((0, 3))
+    return _Surfaces(
+        corners=np.concatenate([np.empty((0, 3, 3)), *corners]),
+        owner=owner,
+        outlined=owner < len(solids),
+        colour=np.concatenate([none, *colours]),
+        normal=np.concatenate([none, *normals]),
+        tiling=np.concatenate([none, *tilings]),
+    )
 
 
-def _share_of_sun(solids: Sequence[Solid], place: Array) -> Array:
-    """How much of the sun each point gets: 1 in the light, less in the shadow of a solid, in between at its edge."""
-    if not solids or not len(place):
-        return np.ones(len(place))
-    sun = Camera(_SUN)
+def _depth_buffer(pixels: Array, rows: int, columns: int) -> tuple[Array, NDArray[np.int64]]:
+    depth, nearest = np.full((rows, columns), np.inf), np.full((rows, columns), -1, dtype=np.int64)
+    rasterise(np.ascontiguousarray(pixels), depth, nearest)
+    return depth, nearest
+
+
+def _shadows(solids: Sequence[Solid], sun: Camera) -> tuple[Array, Array]:
+    """Depth of the solids as the sun sees them, rows upwards, and the place of its corner; empty without solids."""
+    if not solids:
+        return np.empty((0, 0)), np.zeros(2)
     corners = sun.view(np.concatenate([solid.corners for solid in solids]))
     low, high = corners[..., :2].min(axis=(0, 1)), corners[..., :2].max(axis=(0, 1))
     columns, rows = (np.ceil((high - low) / _SHADOW_PIXEL).astype(int) + 1).tolist()
-    depth, nearest = np.full((rows, columns), np.inf), np.full((rows, columns), -1, dtype=np.int64)
     pixels = np.concatenate([(corners[..., :2] - low) / _SHADOW_PIXEL, corners[..., 2:]], axis=-1)
-    rasterise(np.ascontiguousarray(pixels), depth, nearest)
-    points = sun.view(place)
-    share = np.ones(len(place))
-    margin = 2.0 * _SHADOW_PIXEL
-    near = np.flatnonzero(((points[:, :2] > low - margin) & (points[:, :2] < high + margin)).all(axis=1))
-    column, row = ((points[near, :2] - low) / _SHADOW_PIXEL).T
-    lit = np.zeros(len(near))
-    for step_column, step_row in _TAPS:
-        i, j = np.floor(row + step_row).astype(int), np.floor(column + step_column).astype(int)
-        inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
-        first = np.full(len(near), np.inf)
-        first[inside] = depth[i[inside], j[inside]]
-        lit += points[near, 2] < first + _SHADOW_SLACK
-    share[near] = _IN_SHADOW + (1.0 - _IN_SHADOW) * lit / len(_TAPS)
-    return share
-
-
-def _draw_outlines(image: Array, owner: NDArray[np.int64], solids: int, depth: Array) -> None:
-    """Darken the pixels of a solid beside another solid that is farther away, or beside none."""
-    edge = np.zeros(owner.shape, dtype=bool)
-    for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
-        other, behind = np.roll(owner, step, axis=axis), np.roll(depth, step, axis=axis)
-        edge |= (other != owner) & (depth <= behind)
-    edge &= (owner >= 0) & (owner < solids)
-    image[edge, :3] *= _OUTLINE
-
-
-def _average(image: Array) -> Array:
-    """Blocks of fine pixels become one; colours are weighted with their coverage."""
-    rows, columns = image.shape[0] // _FINE, image.shape[1] // _FINE
-    blocks = image.reshape(rows, _FINE, columns, _FINE, 4)
-    alpha = blocks[..., 3].mean(axis=(1, 3))
-    colour = (blocks[..., :3] * blocks[..., 3:]).mean(axis=(1, 3))
-    result = np.zeros((rows, columns, 4))
-    np.divide(colour, alpha[..., None], out=result[..., :3], where=alpha[..., None] > 0.0)
-    result[..., 3] = alpha
-    return result
+    return _depth_buffer(pixels, rows, columns)[0], np.asarray(low)
