@@ -92,6 +92,13 @@ def test_files_exist() -> None:
         assert (ROOT / name).exists(), name
 
 
+def test_the_gallery_lists_every_script() -> None:
+    gallery = (ROOT / "analysis" / "README.md").read_text("utf-8")
+    scripts = {path.name for path in (ROOT / "analysis").glob("*.py")}
+    assert set(re.findall(r"^\| \[(\w+\.py)\]\(\1\)", gallery, re.M)) == scripts
+    assert set(re.findall(r"`python analysis/(\w+\.py)", gallery)) == scripts
+
+
 def test_pictures_are_small() -> None:
     for name in re.findall(r'src="([^"]+)"', README):
         assert (ROOT / name).stat().st_size < 300_000, name
