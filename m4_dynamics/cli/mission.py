@@ -16,6 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--robot", metavar="ROBOT", help="a TOML description; without one, the bundled M4")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: runs/MISSION)")
+    parser.add_argument(
+        "--realistic", action="store_true", help="rotor lag, encoders, IMU, delay, limits and battery of a real robot"
+    )
     parser.add_argument("--no-viewer", action="store_true", help="do not write viewer.html")
     parser.add_argument("--list", action="store_true", help="list the missions that come with the package")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of tables")
@@ -35,6 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from m4_dynamics.mission.loading import load_mission, shipped_missions
     from m4_dynamics.mission.runner import run_mission
     from m4_dynamics.robot.loading import load_robot
+    from m4_dynamics.simulation.fidelity import Fidelity
     from m4_dynamics.view.mission_tables import mission_table, missions_table
     from m4_dynamics.view.progress import status_line
     from m4_dynamics.view.tables import make_console, print_note, print_tables
@@ -48,9 +52,14 @@ def run(args: argparse.Namespace) -> int:
     mission.check_against(robot)
     folder = args.out if args.out is not None else Path("runs") / mission.name
     make_folder(folder)
-    command = shlex.join(["m4", "mission", args.mission] + (["--robot", args.robot] if args.robot else []))
+    command = shlex.join(
+        ["m4", "mission", args.mission]
+        + (["--robot", args.robot] if args.robot else [])
+        + (["--realistic"] if args.realistic else [])
+    )
     with status_line() as report:
-        result = run_mission(robot, mission, attributes={"command": command}, on_progress=report)
+        fidelity = Fidelity.realistic() if args.realistic else Fidelity()
+        result = run_mission(robot, mission, fidelity=fidelity, attributes={"command": command}, on_progress=report)
     written = write_run(result.dataset, result.summary.as_dict(), robot, folder, with_viewer=not args.no_viewer)
     summary = result.summary
     if args.json:

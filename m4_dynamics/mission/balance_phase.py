@@ -7,8 +7,11 @@ from time import perf_counter
 
 import numpy as np
 
+from m4_dynamics.control.delay import DelayCompensator
 from m4_dynamics.control.reference import ReferenceTrajectory, smooth_step
-from m4_dynamics.mission.drive_reference import DrivePlan, drive_reference
+from m4_dynamics.control.slope_profile import SlopeProfile
+from m4_dynamics.full.axle_path import AxlePath
+from m4_dynamics.mission.drive_reference import ARC_STEP, DrivePlan, drive_reference
 from m4_dynamics.mission.schema import BalancePhase
 from m4_dynamics.mission.situation import MissionAborted, Situation
 from m4_dynamics.reduced.trim import Trim
@@ -18,6 +21,26 @@ __all__ = ["run_balance_phase"]
 
 #: Turning on the spot, mean rate [rad/s].
 TURN_RATE = 0.5
+
+
+def profile_of(path: AxlePath) -> SlopeProfile:
+    """The ground by wheel angle, for the MPC's preview; the turn over a convex corner in steps of a few degrees.
+
+    Args:
+        path: The axle's way.
+
+    Returns:
+        Slopes over the absolute wheel angle.
+    """
+    starts, slopes = [], []
+    ends = np.append(path.starts[1:], math.inf)
+    for start, end, (before, after) in zip(path.starts, ends, path.slopes, strict=True):
+        pieces = 1 if before == after else math.ceil(abs(after - before) / ARC_STEP)
+        for piece in range(pieces):
+            share = piece / pieces
+            starts.append(start if piece == 0 else start + share * (end - start))
+            slopes.append(before + (share + 0.5 / pieces) * (after - before))
+    return SlopeProfile(np.array(starts) / path.radius, np.array(slopes))
 
 
 def plan_reference(situation: Situation, phase: BalancePhase) -> ReferenceTrajectory:
@@ -78,7 +101,16 @@ def run_balance_phase(situation: Situation, phase: BalancePhase) -> str | None:
         situation.reduction,
         reference,
         friction_static=plant.model.ground.friction_static,
+        profile=profile_of(situation.path),
     )
+    if situation.fidelity.control_delay:
+        controller = DelayCompensator(
+            controller,
+            situation.reduction.parameters,
+            reference,
+            delay=situation.fidelity.control_delay,
+            rotor_time_constant=situation.reduction.parameters.thrust_time_constant,
+        )
     controller.reset()
     thrust = 0.0 if phase.controller == "pid" and phase.thrust is None else phase.thrust
     turn_from = situation.heading

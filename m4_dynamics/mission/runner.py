@@ -37,6 +37,8 @@ from m4_dynamics.mission.tilt_phase import run_tilt_phase
 from m4_dynamics.reduced.reduction import reduce_robot
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.balance import balance_estimator, drive_wheels
+from m4_dynamics.simulation.climb import with_rotor_lag
+from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
 from m4_dynamics.simulation.recorder import Recorder
 from m4_dynamics.simulation.trajectory import build_trajectory
@@ -72,12 +74,13 @@ def terrain_of(plan: TerrainPlan, *, flat_before: float) -> Terrain:
     return plateau_terrain(plan.slope, flat_before=flat_before, length=plan.length)
 
 
-def prepare_mission(robot: Robot, mission: Mission) -> Situation:
+def prepare_mission(robot: Robot, mission: Mission, *, fidelity: Fidelity | None = None) -> Situation:
     """Put the robot at a mission's start.
 
     Args:
         robot: The robot.
         mission: The mission.
+        fidelity: What sets actuators and sensors apart from ideal ones; None is nothing.
 
     Returns:
         The situation, at rest.
@@ -87,13 +90,14 @@ def prepare_mission(robot: Robot, mission: Mission) -> Situation:
         RobotDescriptionError: The robot cannot balance.
     """
     mission.check_against(robot)
-    reduction = reduce_robot(robot)
+    fidelity = Fidelity() if fidelity is None else fidelity
+    reduction = reduce_robot(with_rotor_lag(robot, fidelity))
     start = mission.start
     terrain = terrain_of(mission.terrain, flat_before=max(start.distance_to_foot, 0.0) + 1.5)
     friction = mission.terrain.friction_static
     ground = robot.ground if friction is None else dataclasses.replace(robot.ground, friction_static=friction)
     model = FullModel.build(robot, terrain, ground=ground)
-    plant = Plant(model)
+    plant = Plant(model, fidelity=fidelity)
     configuration = standing_configuration(robot, start.posture)
     turn = pin.AngleAxis(start.heading, np.array([0.0, 0.0, 1.0])).toRotationMatrix()
     configuration[0] = -start.distance_to_foot
@@ -108,12 +112,14 @@ def prepare_mission(robot: Robot, mission: Mission) -> Situation:
         reduction=reduction,
         plant=plant,
         path=AxlePath.over(terrain, reduction.parameters.wheel_radius),
-        estimator=balance_estimator(robot, reduction, slope=0.0),
+        estimator=balance_estimator(robot, reduction, slope=0.0, fidelity=fidelity),
         recorder=Recorder(plant, capacity),
         wheels=drive_wheels(robot, reduction.frame),
         abort=mission.abort,
         limits=limits,
+        fidelity=fidelity,
     )
+    situation.estimator.reset(plant.measurement)
     situation.localise()
     situation.heading = situation.estimator.heading
     return situation
@@ -123,6 +129,7 @@ def run_mission(
     robot: Robot,
     mission: Mission,
     *,
+    fidelity: Fidelity | None = None,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> MissionResult:
@@ -134,6 +141,7 @@ def run_mission(
     Args:
         robot: The robot.
         mission: The mission.
+        fidelity: What sets actuators and sensors apart from ideal ones; None is nothing.
         attributes: Further attributes of the dataset.
         on_progress: Called before each phase with its name and the simulated time [s].
 
@@ -144,7 +152,7 @@ def run_mission(
         InvalidMissionError: The mission names what the robot does not have.
         M4Error: The robot cannot be used.
     """
-    situation = prepare_mission(robot, mission)
+    situation = prepare_mission(robot, mission, fidelity=fidelity)
     recorder = situation.recorder
     outcomes: list[PhaseOutcome] = []
     failure: str | None = None

@@ -20,6 +20,7 @@ from m4_dynamics.reduced.trim import Trim, TrimLimits, select_trim
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.balance import DriveWheels
 from m4_dynamics.simulation.climb import make_heading_hold
+from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
 from m4_dynamics.simulation.recorder import Recorder
 from m4_dynamics.simulation.trajectory import true_motion
@@ -52,6 +53,7 @@ class Situation:
         wheels: The drive wheels.
         abort: When to give up.
         limits: What trims may ask for.
+        fidelity: What the plant has that an ideal one has not.
         heading: Wanted heading, positive left of the slope's direction [rad].
     """
 
@@ -64,6 +66,7 @@ class Situation:
     wheels: DriveWheels
     abort: AbortRule
     limits: TrimLimits
+    fidelity: Fidelity
     heading: float = 0.0
     _trims: dict[tuple[float, float | None], Trim] = field(init=False, default_factory=dict, repr=False)
     _heading_holds: dict[tuple[float, float], HeadingHold] = field(init=False, default_factory=dict, repr=False)
@@ -91,7 +94,7 @@ class Situation:
             self.plant.velocity[np.newaxis],
             origin=0.0,
         )
-        self.estimator.reset(
+        self.estimator.relocate(
             self.plant.measurement, wheel_angle=float(motion.state[0, 0]), heading=float(motion.heading[0])
         )
 

@@ -19,6 +19,7 @@ from m4_dynamics.control.mpc.controller import MpcController
 from m4_dynamics.control.mpc.settings import MpcSettings
 from m4_dynamics.control.pid import PidController
 from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
+from m4_dynamics.control.slope_profile import SlopeProfile
 from m4_dynamics.errors import InvalidSettingError, M4Error, NonFiniteError, NoTrimExists
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.full.stepping import SimulationDivergedError
@@ -169,7 +170,12 @@ class ClimbResult:
 
 
 def make_controller(
-    name: ControllerName, reduction: Reduction, reference: ReferenceTrajectory, *, friction_static: float
+    name: ControllerName,
+    reduction: Reduction,
+    reference: ReferenceTrajectory,
+    *,
+    friction_static: float,
+    profile: SlopeProfile | None = None,
 ) -> BalanceController:
     """Build a balance controller by its name.
 
@@ -178,6 +184,7 @@ def make_controller(
         reduction: The robot as a pendulum.
         reference: What to follow.
         friction_static: mu_s that the constraints assume.
+        profile: The ground ahead by place, which an MPC previews; None takes the reference's slopes by time.
 
     Returns:
         The controller.
@@ -195,7 +202,7 @@ def make_controller(
             friction_static=friction_static,
             thrust_limits=thrust_limits,
         )
-    return MpcController(parameters, reference, settings)
+    return MpcController(parameters, reference, settings, profile=profile)
 
 
 def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> HeadingHold:

@@ -239,7 +239,7 @@ def test_full_model_map_with_its_disagreements(full_job: RolloutJob, tmp_path: P
     assert effect[1, 1] in (Effect.PLANNING_MARGIN, Effect.START_TRANSIENT, Effect.MARGIN_AND_TRANSIENT, Effect.SLIP)
     assert (effect == Effect.UNEXPLAINED).sum() == 0
     shares = agreement(dataset)
-    assert shares.reduced >= 8.0 / 9.0
+    assert shares.reduced >= 8.0 / 9.0  # of nine cells one may differ
     assert sum(shares.effects.values()) == round((1.0 - shares.agreeing) * shares.cells)
 
 

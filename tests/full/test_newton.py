@@ -214,16 +214,23 @@ def test_what_has_no_solution_is_no_solution() -> None:
         assert solve(np.eye(3), np.array(free), np.array([-1e-3]), Ground(), 1e-3) is None
 
 
-def test_after_a_failure_forces_and_velocities_belong_together() -> None:
-    """Without convergence the forces are some iterate's, and the velocities those that they lead to."""
-    ground, dt = dataclasses.replace(Ground(), stiction_speed=1e-20), 1e-3
-    mobility = np.array([[2.0, 0.3, 0.7], [0.3, 3.0, -0.4], [0.7, -0.4, 1.0]])
+def test_after_a_failure_forces_and_velocities_belong_together(rng: np.random.Generator) -> None:
+    """Without convergence the forces are those of the nearest iterate, and the velocities those that they lead to."""
+    ground, dt = Ground(), 1e-3
     contacts = np.zeros((1, kernels.CONTACT_COLUMNS))
-    contacts[0, [kernels.NORMAL_Z, kernels.FRICTION_SCALE, kernels.GAP]] = 1.0, 1.0, -2e-4
-    free, velocity, force = np.array([0.01, 0.02, -0.1]), np.array([0.01, 0.02, -0.1]), np.empty(3)
-    assert kernels.solve_contacts(mobility, free, contacts, 1, pack_ground(ground), dt, False, velocity, force) == -1
-    assert force[2] > 0.0
-    np.testing.assert_allclose(velocity, free + dt * mobility @ force, atol=1e-15)
+    contacts[0, [kernels.NORMAL_Z, kernels.FRICTION_SCALE, kernels.GAP]] = 1.0, 1.0, -4e-3
+    failures = 0
+    for _ in range(2000):
+        rows = rng.normal(size=(3, 6))
+        mobility, free = 0.5 * rows @ rows.T, rng.normal(size=3)
+        velocity, force = free.copy(), np.full(3, np.nan)
+        count = kernels.solve_contacts(mobility, free, contacts, 1, pack_ground(ground), dt, False, velocity, force)
+        if count < 0:
+            failures += 1
+            assert force[2] >= 0.0
+            np.testing.assert_allclose(velocity, free + dt * mobility @ force, atol=1e-12)
+    # Friction that weakens with the speed defeats the plain Newton now and then; that is what the second try is for.
+    assert 0 < failures < 400
 
 
 def test_failures_are_counted_and_do_no_harm(m4: Robot) -> None:

@@ -258,5 +258,6 @@ def test_impossible_inertia_shows_as_divergence(tmp_path: Path) -> None:
     q[2] = BLOCK_HALF_SIZE[2] + 1.0
     stepper.reset(q)
     stepper.step()
+    assert stepper.counters.newton_failures == 1
     with pytest.raises(SimulationDivergedError):
         stepper.require_bounded()

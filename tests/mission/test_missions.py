@@ -18,6 +18,7 @@ from m4_dynamics.reduced.pendulum import acceleration
 from m4_dynamics.reduced.reduction import reduce_robot
 from m4_dynamics.reduced.trim import select_trim
 from m4_dynamics.robot.loading import load_robot
+from m4_dynamics.simulation.fidelity import Fidelity
 
 
 @cache
@@ -40,6 +41,17 @@ def test_completes_end_to_end(name):
     assert result.summary.verdict == "completed", result.summary.reason
     assert result.summary.newton_failures == 0
     assert all(phase.ended == "done" for phase in result.summary.phases)
+
+
+@pytest.mark.parametrize("name", ["wair15", "wair45"])
+def test_completes_on_a_realistic_plant_too(name):
+    result = run_mission(robot(), load_mission(name), fidelity=Fidelity.realistic())
+    assert result.summary.verdict == "completed", result.summary.reason
+    climbs = [phase for phase in result.summary.phases if phase.name in ("climb", "back down")]
+    for phase in climbs:
+        assert phase.slip_time_s <= 0.02  # measured 0.003 s right after the corner
+        assert phase.ground_force_rms_over_weight <= 0.03
+        assert phase.fallbacks == 0
 
 
 @pytest.mark.parametrize("name", ["landing", "wair15", "wair45"])

@@ -14,7 +14,6 @@ from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.trajectory import true_motion
 
 STARTS = [(slope, error) for slope in (15.0, 30.0, 45.0) for error in (5.0, -5.0)]
-WITHOUT_LAG = replace(Fidelity.realistic(), rotor_time_constant=None)
 
 
 @pytest.mark.parametrize(("slope", "error"), STARTS)
@@ -22,32 +21,24 @@ def test_climbs_without_slipping(climb, slope, error):
     summary = climb(slope, error, fidelity=Fidelity.realistic()).summary
     assert summary.verdict == "climbed", summary.reason
     assert len(summary.fidelity) == 8
-    assert summary.slip_time_s <= 0.1  # measured 0 to 0.002
+    assert summary.slip_time_s == 0.0  # allowed 0.1
     assert summary.air_time_s == 0.0
     assert summary.fallbacks == 0
     assert summary.newton_failures == 0
+    assert summary.wheel_rms_m <= 0.01  # measured 0.003 to 0.007
+    assert summary.pitch_rms_deg <= 0.5
     assert summary.yaw_max_deg <= 0.5
-    assert summary.ground_force_rms_over_weight <= 0.03
+    assert summary.end_speed_m_s <= 1e-2  # the noise of the estimated speed is 4 mm/s
+    assert summary.ground_force_rms_over_weight <= 0.02
     assert 23.0 < summary.battery_min_V < 25.2
     assert summary.battery_charge_end < 1.0
-
-
-@pytest.mark.parametrize(("slope", "error"), STARTS)
-def test_tracks_with_every_imperfection_but_the_rotors_lag(climb, slope, error):
-    summary = climb(slope, error, fidelity=WITHOUT_LAG).summary
-    assert summary.verdict == "climbed", summary.reason
-    assert summary.slip_time_s == 0.0
-    assert summary.wheel_rms_m <= 0.01
-    assert summary.pitch_rms_deg <= 0.5
-    assert summary.end_speed_m_s <= 5e-3
-    assert summary.ground_force_rms_over_weight <= 0.01
 
 
 @pytest.mark.parametrize(("slope", "error"), STARTS)
 def test_the_estimate_is_near_the_truth(climb, slope, error):
     # Without the accelerometer's offset, which no filter can see, 0.1 deg of pitch are left.
     imu = ImuErrors(accelerometer_bias=0.0)
-    result = climb(slope, error, fidelity=replace(WITHOUT_LAG, imu=imu, seed=1))
+    result = climb(slope, error, fidelity=replace(Fidelity.realistic(seed=1), imu=imu))
     dataset = result.dataset
     settled = dataset.time.to_numpy() > 1.0
     miss = (dataset.state_estimated - dataset.state).to_numpy()[settled]
@@ -60,7 +51,7 @@ def test_the_estimate_is_near_the_truth(climb, slope, error):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_pitch_and_gyro_offset_lie_within_what_the_filter_expects(m4, seed):
-    settings = ClimbSettings(slope=math.radians(30.0), fidelity=replace(WITHOUT_LAG, seed=seed), duration=6.0)
+    settings = ClimbSettings(slope=math.radians(30.0), fidelity=Fidelity.realistic(seed=seed), duration=6.0)
     climb = prepare_climb(m4, settings)
     count = len(climb.reference.time)
     expected = np.empty(count)
@@ -90,9 +81,10 @@ def test_exact_sensors_without_attitude_lose_next_to_nothing(climb):
     assert estimated.wheel_rms_m < given.wheel_rms_m + 1e-3
 
 
-def test_rotor_lag_alone_is_survived(climb):
+def test_the_rotors_lag_is_known_and_costs_little(climb):
     lagging = climb(45.0, 5.0, fidelity=Fidelity(rotor_time_constant=0.15))
     assert lagging.summary.verdict == "climbed"
+    assert lagging.summary.wheel_rms_m <= 0.005
     commanded = lagging.dataset.inputs.sel(reduced_input="thrust").to_numpy()
     given = lagging.dataset.thrust.sum("thruster").to_numpy()
     assert np.abs(given - commanded)[:100].max() > 3.0, "the rotors must have lagged"

@@ -212,6 +212,7 @@ def test_playback_pauses_scrubs_and_starts_over(opened: Opened) -> None:
 
 def test_meshcat_controls_are_there_and_work(opened: Opened) -> None:
     page = opened.page
+    page.click(".dg .close-button")  # they are folded away
     folder = page.locator(".dg li.cr.function", has_text="pause")
     folder.first.click()
     assert not page.evaluate("() => viewer.animator.playing")
