@@ -38,6 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--yaw-error", type=float, default=0.5, metavar="DEG", help="initial headings up to this (default: 0.5)"
     )
+    parser.add_argument(
+        "--adaptive", action="store_true", help="run cells near the boundary only; for maps of 50 x 50 cells and more"
+    )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--workers", type=int, metavar="N", help="processes on this machine (default: one for each processor; 0: none)"
@@ -96,6 +99,7 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
         pitch_error_max=math.radians(args.pitch_error),
         yaw_error_max=math.radians(args.yaw_error),
+        adaptive=args.adaptive,
     )
     claim_folder(args.out, force=args.force or args.resume, names=("map.nc", "map.png", "map.html"))
     job = make_job(robot, grid, settings)

@@ -111,6 +111,7 @@ class RolloutSettings:
         seed: Of the starts; a start depends on it and on the cell's place on the axes alone.
         pitch_error_max: Initial pitch errors are uniform up to this, either way [rad].
         yaw_error_max: Initial headings likewise [rad].
+        adaptive: Whether only cells near the boundary are run, see `refine_boundary`.
     """
 
     plant: PlantName = "full"
@@ -124,6 +125,7 @@ class RolloutSettings:
     seed: int = 0
     pitch_error_max: float = math.radians(5.0)
     yaw_error_max: float = math.radians(0.5)
+    adaptive: bool = False
 
     def __post_init__(self) -> None:
         if self.plant not in PLANTS:

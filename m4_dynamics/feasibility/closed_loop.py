@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from m4_dynamics.errors import InvalidSettingError, ResultFileError
-from m4_dynamics.feasibility.cell import FIELDS, VERDICT_FIELDS, VERDICTS, RolloutSettings
+from m4_dynamics.feasibility.cell import FIELDS, VERDICT_FIELDS, VERDICTS, CellIndex, RolloutSettings
 from m4_dynamics.feasibility.disagreement import EFFECTS, explain
 from m4_dynamics.feasibility.grid import AXIS_UNITS, MapGrid
 from m4_dynamics.feasibility.postures import posture_case
 from m4_dynamics.feasibility.provenance import robot_provenance
+from m4_dynamics.feasibility.refinement import refine_boundary
 from m4_dynamics.feasibility.rollout import RolloutJob
 from m4_dynamics.feasibility.static import best_branch, static_map
 from m4_dynamics.feasibility.store import SweepStore, create_store, open_store, remove_store
-from m4_dynamics.feasibility.sweep import run_sweep
+from m4_dynamics.feasibility.sweep import open_sweep, run_sweep
 from m4_dynamics.reduced.reduction import reduce_robot
 from m4_dynamics.robot.robot import Robot
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["closed_loop_dataset", "job_of_store", "make_job", "run_closed_loop"]
 
 _Array = NDArray[np.float64]
+_Bool = NDArray[np.bool_]
 
 
 def make_job(robot: Robot, grid: MapGrid, settings: RolloutSettings) -> RolloutJob:
@@ -76,17 +78,17 @@ def run_closed_loop(
         path: Folder of the Zarr store.
         resume: Whether to go on with a store that is there.
         force: Whether to replace a store that is there.
-        workers: See `run_sweep`.
-        scheduler: See `run_sweep`.
+        workers: See `open_sweep`.
+        scheduler: See `open_sweep`.
         on_progress: Called with the number of cells done, those of the store included.
 
     Returns:
-        The complete store.
+        The store, complete; in an adaptive map as far as the boundary needs it.
 
     Raises:
         ResultFileError: A store is there and neither `resume` nor `force` is given, it is of something else, or it
             cannot be written.
-        SchedulerError, InvalidSettingError: See `run_sweep`.
+        SchedulerError, InvalidSettingError: See `open_sweep`.
     """
     what = identity(job)
     if path.exists() and resume:
@@ -96,19 +98,50 @@ def run_closed_loop(
             raise ResultFileError(f"{path} exists already; go on with --resume, or use --force to replace it")
         remove_store(path)
         store = create_store(path, job.grid.axes, job.settings.starts, what)
-    cells = store.missing()
-    before = int(np.prod(store.shape)) - len(cells)
+    missing = store.missing()
+    before = int(np.prod(store.shape)) - len(missing)
     if on_progress is not None:
         on_progress(before)
-    run_sweep(
-        job,
-        cells,
-        store.write,
-        workers=workers,
-        scheduler=scheduler,
-        on_progress=None if on_progress is None else lambda done: on_progress(before + done),
-    )
+    if not missing:
+        return store
+    with open_sweep(job, workers=workers, scheduler=scheduler) as run:
+
+        def run_missing(cells: Sequence[CellIndex]) -> None:
+            nonlocal before
+            run_sweep(
+                run,
+                cells,
+                store.write,
+                on_progress=None if on_progress is None else lambda done: on_progress(before + done),
+            )
+            before += len(cells)
+
+        if job.settings.adaptive:
+            for friction in range(store.shape[0]):
+                _refine(store, friction, run_missing)
+        else:
+            run_missing(missing)
     return store
+
+
+def _refine(store: SweepStore, friction: int, run_missing: Callable[[Sequence[CellIndex]], None]) -> _Bool:
+    """Where the robot climbs at one friction, shape (slope, thrust); only cells near the boundary are run."""
+    starts, verdict = store.shape[-1], list(FIELDS).index("verdict")
+
+    def evaluate(places: Sequence[tuple[int, int]]) -> list[bool]:
+        verdicts = store.read()[friction, ..., verdict]
+        cells = [CellIndex(friction, *place, start) for place in places for start in range(starts)]
+        missing = [index for index in cells if np.isnan(verdicts[index[1:]])]
+        if missing:
+            run_missing(missing)
+            verdicts = store.read()[friction, ..., verdict]
+        return [bool((verdicts[place] == 0.0).all()) for place in places]
+
+    return refine_boundary((store.shape[1], store.shape[2]), evaluate).answer
+
+
+def _nothing_missing(cells: Sequence[CellIndex]) -> None:
+    raise ResultFileError(f"the store lacks {len(cells)} rollouts; finish it with --resume")
 
 
 def job_of_store(store: SweepStore, robot: Robot) -> RolloutJob:
@@ -144,7 +177,8 @@ def closed_loop_dataset(store: SweepStore, job: RolloutJob, *, command: str = ""
 
     Returns:
         The map, dimensions (friction, slope, thrust, start). Besides the figures of `FIELDS`: `static_feasible`,
-        `static_limit`, `friction_needed` of the equilibrium; `climbs`: all starts climbed; `disagreement`: the effect
+        `static_limit`, `friction_needed` of the equilibrium; `climbs`: all starts climbed, in an adaptive map
+        concluded from the cells around where nothing was run; `disagreement`: the effect
         that sets statics and rollouts apart, see `disagreement.EFFECTS`.
     """
     import xarray
@@ -171,11 +205,11 @@ def closed_loop_dataset(store: SweepStore, job: RolloutJob, *, command: str = ""
     ):
         values = static[source].broadcast_like(static["feasible"]).transpose(*cell).to_numpy()
         variables[name] = (cell, values, {**static[source].attrs, "long_name": meaning})
-    variables["climbs"] = (
-        cell,
-        (variables["verdict"][1] == 0).all(axis=-1),
-        {"units": "1", "long_name": "every start climbed"},
-    )
+    if job.settings.adaptive:
+        climbs = np.stack([_refine(store, m, _nothing_missing) for m in range(store.shape[0])])
+    else:
+        climbs = (variables["verdict"][1] == 0).all(axis=-1)
+    variables["climbs"] = (cell, climbs, {"units": "1", "long_name": "every start climbed"})
     coordinates: dict[str, Any] = {
         name: ((name,), axes[name], {"units": AXIS_UNITS[name][0], "long_name": AXIS_UNITS[name][1]}) for name in cell
     }

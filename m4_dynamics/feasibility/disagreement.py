@@ -88,7 +88,8 @@ def explain(dataset: xarray.Dataset, reduction: Reduction, settings: RolloutSett
     """
     climbs = dataset["climbs"].to_numpy()
     static = dataset["static_feasible"].to_numpy()
-    stopped, surprising = static & ~climbs, ~static & climbs
+    known = (dataset["verdict"] >= 0).all("start").to_numpy()
+    stopped, surprising = known & static & ~climbs, known & ~static & climbs
     thrust = dataset["thrust"].to_numpy()
     failing = dataset["verdict"] > 0
 
@@ -172,7 +173,7 @@ class Agreement(NamedTuple):
         agreeing_inner: Share of those in which they agree.
         simulated: Inner cells that have an equilibrium to start from, so that there were rollouts.
         agreeing_simulated: Share of those in which they agree.
-        reduced: Share of all cells in which reduced and full model agree on whether the robot climbs.
+        reduced: Share of the cells that were run in which reduced and full model agree on whether the robot climbs.
         effects: Effect -> cells, where they disagree.
         effects_inner: The same for the inner cells.
     """
@@ -201,6 +202,7 @@ def agreement(dataset: xarray.Dataset) -> Agreement:
     same = static == climbs
     inner = ~next_to_boundary(static, dataset["thrust"].to_numpy(), float(dataset.attrs["thrust_max"]))
     tried = inner & (dataset["simulated_time"] > 0.0).any("start").to_numpy()
+    known = (dataset["verdict"] >= 0).all("start").to_numpy()
     reduced = (dataset["verdict_reduced"] == 0).all("start").to_numpy()
     codes = dataset["disagreement"].to_numpy()
 
@@ -215,7 +217,7 @@ def agreement(dataset: xarray.Dataset) -> Agreement:
         agreeing_inner=float(same[inner].mean()) if inner.any() else float("nan"),
         simulated=int(tried.sum()),
         agreeing_simulated=float(same[tried].mean()) if tried.any() else float("nan"),
-        reduced=float((reduced == climbs).mean()),
+        reduced=float((reduced == climbs)[known].mean()) if known.any() else float("nan"),
         effects=counts(np.ones_like(inner)),
         effects_inner=counts(inner),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from m4_dynamics.control.mpc.controller import MpcController
 from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
-from m4_dynamics.errors import M4Error
+from m4_dynamics.errors import InvalidSettingError, M4Error, NoTrimExists
 from m4_dynamics.feasibility.cell import FIELDS, CellIndex, RolloutSettings, empty_record, start_errors, verdict_code
 from m4_dynamics.feasibility.grid import MapGrid
 from m4_dynamics.feasibility.reduced_rollout import ReducedRun, judge_reduced, run_reduced
 from m4_dynamics.reduced.reduction import Reduction
 from m4_dynamics.reduced.trim import Trim, trim_branches
 from m4_dynamics.robot.robot import Robot
-from m4_dynamics.simulation.climb import ClimbSettings, make_controller, run_climb
+from m4_dynamics.simulation.climb import ClimbResult, ClimbSettings, make_controller, run_climb
 from m4_dynamics.simulation.verdict import SETTLING_TIME, SLIP_GRACE, ClimbSummary, Verdict
 
-__all__ = ["RolloutJob", "cell_settings", "cell_trim", "run_cells"]
+__all__ = ["RolloutJob", "cell_settings", "cell_trim", "nearest_cell", "replay_cell", "run_cells"]
 
 _Array = NDArray[np.float64]
 
@@ -98,6 +98,64 @@ def cell_settings(job: RolloutJob, index: CellIndex) -> ClimbSettings:
         yaw_error=errors.yaw,
         control_period=_CONTROL_PERIOD,
     )
+
+
+def nearest_cell(
+    job: RolloutJob, *, slope: float, thrust: float, friction: float | None = None, start: int = 0
+) -> CellIndex:
+    """The cell nearest to a place on the axes.
+
+    Args:
+        job: The job.
+        slope: [rad].
+        thrust: [N].
+        friction: mu_s; None takes the first.
+        start: Number of the start.
+
+    Returns:
+        The cell.
+
+    Raises:
+        InvalidSettingError: The place lies more than a cell outside the axes, or there is no such start.
+    """
+    axes = job.grid.axes
+    found = {"friction": 0}
+    for name, wanted in (("slope", slope), ("thrust", thrust), ("friction", friction)):
+        if wanted is None:
+            continue
+        values = axes[name]
+        spacing = float(np.diff(values).max()) if len(values) > 1 else 1e-9 + 0.01 * abs(float(values[0]))
+        if not values[0] - spacing <= wanted <= values[-1] + spacing:
+            shown, low, high = (math.degrees(v) if name == "slope" else v for v in (wanted, values[0], values[-1]))
+            unit = " [deg]" if name == "slope" else ""
+            raise InvalidSettingError(f"{name}{unit}", round(float(shown), 6), f"on the map, {low:g} to {high:g}")
+        found[name] = int(np.argmin(np.abs(values - wanted)))
+    if not 0 <= start < job.settings.starts:
+        raise InvalidSettingError("start", start, f"0 to {job.settings.starts - 1}")
+    return CellIndex(found["friction"], found["slope"], found["thrust"], start)
+
+
+def replay_cell(job: RolloutJob, index: CellIndex, *, attributes: Mapping[str, str] | None = None) -> ClimbResult:
+    """Simulate one cell again on the full model, and keep the trajectory.
+
+    Args:
+        job: The job.
+        index: The cell.
+        attributes: Further attributes of the trajectory.
+
+    Returns:
+        Summary and trajectory.
+
+    Raises:
+        NoTrimExists: There is no equilibrium to start from.
+    """
+    climb, trim = cell_settings(job, index), cell_trim(job, index)
+    if trim is None:
+        raise NoTrimExists(
+            f"nothing to replay: no equilibrium on {math.degrees(climb.slope):g} deg with {climb.thrust:g} N of thrust",
+            "equilibrium",
+        )
+    return run_climb(job.robot, climb, reduction=job.reduction, trim=trim, warm_up=False, attributes=attributes)
 
 
 def run_cells(job: RolloutJob, indices: Sequence[CellIndex]) -> list[tuple[CellIndex, _Array]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -17,9 +17,12 @@ from m4_dynamics.errors import InvalidSettingError, SchedulerError
 from m4_dynamics.feasibility.cell import CellIndex
 from m4_dynamics.feasibility.rollout import RolloutJob, run_cells
 
-__all__ = ["run_sweep", "workers_by_default"]
+__all__ = ["Runner", "open_sweep", "run_sweep", "workers_by_default"]
 
 _Array = NDArray[np.float64]
+
+#: Runs cells, and yields each with its record.
+Runner = Callable[[Sequence[CellIndex]], Iterable[tuple[CellIndex, _Array]]]
 
 #: A worker that dies takes its task along; the task is given to another one this many times.
 _DEATHS_ALLOWED = 3
@@ -35,24 +38,17 @@ def workers_by_default() -> int:
     return os.cpu_count() or 1
 
 
-def run_sweep(
-    job: RolloutJob,
-    cells: Sequence[CellIndex],
-    write: Callable[[CellIndex, _Array], None],
-    *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    on_progress: Callable[[float], None] | None = None,
-) -> None:
-    """Run cells and hand over each record as it comes, in whatever order.
+@contextmanager
+def open_sweep(job: RolloutJob, *, workers: int | None = None, scheduler: str | None = None) -> Iterator[Runner]:
+    """Make workers ready for a job.
 
     Args:
         job: What all cells share.
-        cells: The cells.
-        write: Called in this process, once for each cell.
         workers: Worker processes on this machine; None takes one for each processor, 0 computes in this process.
         scheduler: Address of a Dask scheduler, "tcp://host:port", instead of workers of this machine.
-        on_progress: Called with the number of cells done.
+
+    Yields:
+        A function that runs cells and yields each record as it comes, in whatever order; it may be called again.
 
     Raises:
         SchedulerError: The scheduler cannot be reached, has no workers or other software, or workers keep dying.
@@ -61,45 +57,59 @@ def run_sweep(
     count = workers_by_default() if workers is None else workers
     if not 0 <= count <= 1024:
         raise InvalidSettingError("workers", workers, "a whole number from 0 to 1024")
-    if not cells:
-        return
     size = _BATCH[job.settings.plant]
-    batches = [list(cells[k : k + size]) for k in range(0, len(cells), size)]
-    results = _on_cluster(job, batches, count, scheduler) if count > 0 or scheduler else _here(job, batches)
-    done = 0
-    for batch in results:
-        for index, record in batch:
-            write(index, record)
-            done += 1
+
+    def batches(cells: Sequence[CellIndex]) -> list[list[CellIndex]]:
+        return [list(cells[k : k + size]) for k in range(0, len(cells), size)]
+
+    if count == 0 and scheduler is None:
+        yield lambda cells: (result for batch in batches(cells) for result in run_cells(job, batch))
+        return
+    with _client(count, scheduler) as client:
+        # A task that unpickles the job, and not data sent ahead: if every worker that holds it dies, it is made anew.
+        shared = client.submit(pickle.loads, pickle.dumps(job), pure=False)
+        yield lambda cells: _on_cluster(client, shared, batches(cells))
+
+
+def run_sweep(
+    run: Runner,
+    cells: Sequence[CellIndex],
+    write: Callable[[CellIndex, _Array], None],
+    *,
+    on_progress: Callable[[float], None] | None = None,
+) -> None:
+    """Run cells and hand over each record as it comes.
+
+    Args:
+        run: From `open_sweep`.
+        cells: The cells.
+        write: Called in this process, once for each cell.
+        on_progress: Called with the number of cells done.
+
+    Raises:
+        SchedulerError: Workers keep dying.
+    """
+    for done, (index, record) in enumerate(run(cells), start=1):
+        write(index, record)
         if on_progress is not None:
             on_progress(done)
 
 
-def _here(job: RolloutJob, batches: Sequence[list[CellIndex]]) -> Iterator[list[tuple[CellIndex, _Array]]]:
-    for batch in batches:
-        yield run_cells(job, batch)
-
-
-def _on_cluster(
-    job: RolloutJob, batches: Sequence[list[CellIndex]], workers: int, scheduler: str | None
-) -> Iterator[list[tuple[CellIndex, _Array]]]:
+def _on_cluster(client: Any, shared: Any, batches: Sequence[list[CellIndex]]) -> Iterator[tuple[CellIndex, _Array]]:
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
-    with _client(min(workers, len(batches)), scheduler) as client:
-        # A task that unpickles the job, and not data sent ahead: if every worker that holds it dies, it is made anew.
-        shared = client.submit(pickle.loads, pickle.dumps(job), pure=False)
-        futures = [client.submit(run_cells, shared, batch, pure=False) for batch in batches]
-        try:
-            for future in as_completed(futures):
-                yield future.result()
-                future.release()
-        except KilledWorker as error:
-            raise SchedulerError(
-                f"workers died {_DEATHS_ALLOWED + 1} times on the same cell; what is done is kept: {error}"
-            ) from error
-        finally:
-            client.cancel(futures)
+    futures = [client.submit(run_cells, shared, batch, pure=False) for batch in batches]
+    try:
+        for future in as_completed(futures):
+            yield from future.result()
+            future.release()
+    except KilledWorker as error:
+        raise SchedulerError(
+            f"workers died {_DEATHS_ALLOWED + 1} times on the same cell; what is done is kept: {error}"
+        ) from error
+    finally:
+        client.cancel(futures)
 
 
 @contextmanager

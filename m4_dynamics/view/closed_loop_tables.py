@@ -47,7 +47,7 @@ def describe_closed_loop(dataset: xarray.Dataset) -> dict[str, Any]:
             "static_all_cells": shares.agreeing,
             "static_away_from_boundary": _finite(shares.agreeing_inner),
             "static_away_from_boundary_simulated": _finite(shares.agreeing_simulated),
-            "reduced_model": shares.reduced,
+            "reduced_model": _finite(shares.reduced),
             "effects": {EFFECT_LABELS[effect]: count for effect, count in shares.effects.items()},
         },
         "computing_time_s": float(np.nansum(dataset["elapsed"].to_numpy())),
@@ -72,7 +72,7 @@ def closed_loop_tables(dataset: xarray.Dataset) -> list[Table]:
         ("statics and rollouts, all cells", compared.cells, 100.0 * shares["static_all_cells"]),
         ("away from the statics' boundary", compared.inner, _percent(shares["static_away_from_boundary"])),
         ("of those, simulated", compared.simulated, _percent(shares["static_away_from_boundary_simulated"])),
-        ("reduced and simulated model, all cells", compared.cells, 100.0 * shares["reduced_model"]),
+        ("reduced and simulated model, all cells", compared.cells, _percent(shares["reduced_model"])),
     ]
     tables = [
         make_table(f"Rollouts of {said['robot']}", ("verdict", "rollouts", "share [%]"), verdicts),

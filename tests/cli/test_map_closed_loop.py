@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -55,3 +56,24 @@ def test_bad_options_say_what_would_be_valid(
     error = capsys.readouterr().err
     assert message in error
     assert "Traceback" not in error
+
+
+def test_from_a_cell_to_its_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["map", "closed-loop", *SMALL, "--seed", "3", "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    assert main(["map", "replay", str(tmp_path), "--slope", "31", "--thrust", "15"]) == 0
+    assert "cell at 30 deg, 16 N" in capsys.readouterr().out
+    folder = tmp_path / "cell-30-16-0.8-0"
+    assert (folder / "viewer.html").stat().st_size > 100_000
+    summary = json.loads((folder / "summary.json").read_text())
+    dataset = load_map(tmp_path).sel(thrust=16.0).isel(slope=1, friction=0, start=0)
+    assert summary["slope_deg"] == pytest.approx(30.0)
+    assert math.radians(summary["pitch_error_deg"]) == pytest.approx(float(dataset["pitch_error"]))
+    assert summary["verdict"] == "climbed"
+
+    assert main(["map", "replay", str(tmp_path), "--slope", "30", "--thrust", "40"]) == 2
+    assert "nothing to replay" in capsys.readouterr().err
+    assert main(["map", "replay", str(tmp_path), "--slope", "85", "--thrust", "16"]) == 2
+    assert "on the map, 10 to 50" in capsys.readouterr().err
+    assert main(["map", "replay", str(tmp_path / "nowhere"), "--slope", "30", "--thrust", "16"]) == 2
+    assert "there is no store" in capsys.readouterr().err

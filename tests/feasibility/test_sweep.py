@@ -251,3 +251,21 @@ def test_a_cell_of_the_map_is_the_climb_that_it_says(full_job: RolloutJob) -> No
     assert VERDICTS[int(named["verdict"])] == result.summary.verdict
     assert named["climbed"] == pytest.approx(result.summary.climbed_m, abs=1e-5)
     assert named["pitch_error"] == pytest.approx(math.radians(result.summary.pitch_error_deg))
+
+
+def test_adaptive_map_on_rollouts(m4: Robot, tmp_path: Path) -> None:
+    axes = {"slope": np.radians(np.linspace(0.0, 72.0, 9)), "thrust": np.linspace(2.0, 40.0, 9), "friction": 0.8}
+    maps = {}
+    for adaptive in (False, True):
+        job = make_job(m4, MapGrid(**axes), RolloutSettings(plant="mip", adaptive=adaptive))
+        store = run_closed_loop(job, tmp_path / f"{adaptive}.zarr", workers=0)
+        maps[adaptive] = closed_loop_dataset(store, job)
+        again: list[float] = []
+        run_closed_loop(job, tmp_path / f"{adaptive}.zarr", resume=True, workers=0, on_progress=again.append)
+        assert again == [float((maps[adaptive]["verdict"] >= 0).sum())]
+    full, found = maps[False], maps[True]
+    assert (found["verdict"] >= 0).sum() < (full["verdict"] >= 0).sum()
+    np.testing.assert_array_equal(found["climbs"], full["climbs"])
+    run = found["verdict"] >= 0
+    assert (found["verdict"].where(run) == full["verdict"].where(run)).where(run, True).all()
+    assert not ((found["disagreement"] > 0) & ~run.all("start")).any()

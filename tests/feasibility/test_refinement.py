@@ -1,0 +1,86 @@
+"""Adaptive refinement against the full grid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from m4_dynamics.feasibility.grid import MapGrid
+from m4_dynamics.feasibility.postures import posture_case
+from m4_dynamics.feasibility.refinement import refine_boundary
+from m4_dynamics.feasibility.static import best_branch, static_map
+from m4_dynamics.reduced.reduction import Reduction
+from m4_dynamics.robot.robot import Robot
+
+
+def boundary_cells(answer: np.ndarray) -> np.ndarray:
+    """Cells with a neighbour, diagonal ones included, that differs."""
+    padded = np.pad(answer, 1, mode="edge")
+    n, m = answer.shape
+    shifted = [padded[i : i + n, j : j + m] for i in range(3) for j in range(3)]
+    return np.any([part != answer for part in shifted], axis=0)
+
+
+def oracle(truth: np.ndarray) -> tuple[Callable, list]:
+    asked: list[tuple[int, int]] = []
+
+    def evaluate(places):
+        asked.extend(places)
+        return [bool(truth[place]) for place in places]
+
+    return evaluate, asked
+
+
+@pytest.fixture(scope="module")
+def static_truth(m4: Robot, m4_reduction: Reduction) -> np.ndarray:
+    grid = MapGrid(
+        slope=np.radians(np.linspace(0.0, 80.0, 81)), thrust=np.linspace(0.0, 43.2, 81), friction=0.8, speed=0.2
+    )
+    dataset = best_branch(static_map([posture_case(m4, m4_reduction)], grid))
+    return dataset["feasible"].squeeze().transpose("slope", "thrust").to_numpy()
+
+
+def disc(n: int, m: int, radius: float) -> np.ndarray:
+    i, j = np.mgrid[0:n, 0:m]
+    return (i - 0.55 * n) ** 2 + (j - 0.4 * m) ** 2 < radius**2
+
+
+@pytest.mark.parametrize("name", ["static", "disc", "slanted", "all", "none"])
+def test_same_boundary_with_a_quarter_of_the_evaluations(name: str, static_truth: np.ndarray) -> None:
+    i, j = np.mgrid[0:70, 0:93]
+    truth = {
+        "static": static_truth,
+        "disc": disc(90, 77, 21.3),
+        "slanted": i + 0.37 * j > 45.0,
+        "all": np.ones((33, 20), dtype=bool),
+        "none": np.zeros((33, 20), dtype=bool),
+    }[name]
+    evaluate, asked = oracle(truth)
+    refined = refine_boundary(truth.shape, evaluate)
+    assert len(asked) == len(set(asked)) == refined.evaluated.sum()
+    assert len(asked) <= 0.25 * truth.size
+    wrong = refined.answer != truth
+    assert not (wrong & ~boundary_cells(truth)).any()
+    assert not (wrong & refined.evaluated).any()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (2, 2), (5, 1), (17, 9)])
+def test_small_grids(shape: tuple[int, int]) -> None:
+    truth = np.add.outer(np.arange(shape[0]), np.arange(shape[1])) > sum(shape) / 3.0
+    evaluate, asked = oracle(truth)
+    refined = refine_boundary(shape, evaluate)
+    assert len(asked) == len(set(asked))
+    assert not ((refined.answer != truth) & ~boundary_cells(truth)).any()
+
+
+def test_a_thin_tongue_that_touches_a_block_is_followed() -> None:
+    truth = disc(81, 81, 18.0)
+    truth[40:43, 50:76] = True
+    evaluate, _ = oracle(truth)
+    refined = refine_boundary(truth.shape, evaluate)
+    wrong = refined.answer != truth
+    assert not (wrong & ~boundary_cells(truth)).any()
+    assert math.isclose(float(refined.answer.sum()), float(truth.sum()), rel_tol=0.05)
