@@ -25,10 +25,11 @@ class MpcSettings:
         time_step: Sampling time of controller and prediction [s].
         horizon: Number of samples n_h that the plan looks ahead.
         state_weights: Diagonal of Q on (wheel angle, pitch, and their rates).
-        input_weights: Diagonal of R on (duty, thrust). The paper's duty weight of 5 puts a pole at 216 rad/s, faster than
-            ground and legs: 6 deg of pitch reverse the whole ground force within 20 ms, the normal force overshoots, a
-            wheel slides, and on slippery ground the robot spins out. With 500 that pole lies at 28 rad/s, and the
-            doubled weight of the wheel angle keeps the slowest one at 1.7 rad/s (1.4 with the paper's weights).
+        input_weights: Diagonal of R on (duty, thrust). The paper's duty weight of 5 puts a pole at 216 rad/s, faster
+            than ground and legs: 6 deg of pitch reverse the whole ground force within 20 ms, the normal force
+            overshoots, a wheel slides, and on slippery ground the robot spins out. With 500 that pole lies at
+            28 rad/s, and the doubled weight of the wheel angle keeps the slowest one at 1.7 rad/s (1.4 with the
+            paper's weights).
         input_reference: What R is measured from: "trim" is the reference trajectory's inputs, "zero" is no input at
             all, which pays the controller for letting the robot sag and makes it fall on slopes.
         terminal_cost: "riccati" weighs the last predicted error with the infinite-horizon cost at the trim, "none"
@@ -45,6 +46,10 @@ class MpcSettings:
             because on a limit one of two inputs is lost.
         disturbance_rejection: Whether the controller estimates what the model lacks (`control.disturbance`) and counts
             on it; without, a wrong mass, CoM or thrust leaves the wheels centimetres off.
+        corner_reach: This far before and behind a corner of the ground the disturbance estimate rests [m]: the wheels
+            may touch both faces, the pendulum does not know of the second one, and what carries the robot there does
+            not go with it. As wide as the odometry may be off: wheels that stop this near a rising corner have found
+            it (`control.corner`).
         slack_weight: Cost of one newton of violation of the ground constraints [1/N]. The penalty is exact: while the
             sum of the constraints' multipliers stays below it, the plan violates nothing that it could satisfy. The
             default yields to the largest disturbances, into the friction margin first, because the plan's horizon ends
@@ -73,6 +78,7 @@ class MpcSettings:
     thrust_limits: tuple[float, float] = (0.0, 43.2)
     thrust_margin: float = 2.0
     disturbance_rejection: bool = True
+    corner_reach: float = 0.04
     slack_weight: float = 50.0
     slack_curvature: float = 1.0
     sqp_iterations: int = 1
