@@ -69,9 +69,10 @@ def run(args: argparse.Namespace) -> int:
     from m4_dynamics.cli.map_options import claim_folder, command_line, parse_axis
     from m4_dynamics.errors import InvalidSettingError
     from m4_dynamics.feasibility.cell import RolloutSettings
-    from m4_dynamics.feasibility.closed_loop import closed_loop_dataset, make_job, run_closed_loop
+    from m4_dynamics.feasibility.closed_loop import closed_loop_dataset, make_job
     from m4_dynamics.feasibility.files import save_map
     from m4_dynamics.feasibility.grid import MapGrid
+    from m4_dynamics.feasibility.run import run_job
     from m4_dynamics.robot.loading import load_robot
     from m4_dynamics.view.closed_loop_plots import plot_closed_loop
     from m4_dynamics.view.closed_loop_tables import closed_loop_tables, describe_closed_loop
@@ -104,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
     claim_folder(args.out, force=args.force or args.resume, names=("map.nc", "map.png", "map.html"))
     job = make_job(robot, grid, settings)
     with progress_bar("rolling out", grid.cells * settings.starts, unit="rollouts") as advance:
-        store = run_closed_loop(
+        store = run_job(
             job,
             args.out / STORE,
             resume=args.resume,
