@@ -33,8 +33,7 @@ def run(args: argparse.Namespace) -> int:
         M4Error: There is no such map or cell, the robot is another one, or the cell has no equilibrium to start from.
     """
     from m4_dynamics.cli.main import EXIT_OK
-    from m4_dynamics.cli.map_closed_loop import STORE
-    from m4_dynamics.cli.map_options import command_line
+    from m4_dynamics.cli.map_options import STORE, command_line
     from m4_dynamics.cli.results import make_folder, write_run
     from m4_dynamics.feasibility.closed_loop import job_of_store
     from m4_dynamics.feasibility.rollout import nearest_cell, replay_cell

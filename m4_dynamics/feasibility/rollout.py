@@ -26,7 +26,17 @@ from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.climb import ClimbResult, ClimbSettings, make_controller, run_climb
 from m4_dynamics.simulation.verdict import SETTLING_TIME, SLIP_GRACE, ClimbSummary, Verdict
 
-__all__ = ["BATCHES", "RolloutJob", "cell_settings", "cell_trim", "nearest_cell", "replay_cell", "run_cell"]
+__all__ = [
+    "BATCHES",
+    "RolloutJob",
+    "cell_settings",
+    "cell_trim",
+    "largest",
+    "nearest_cell",
+    "replay_cell",
+    "run_cell",
+    "saturation_times",
+]
 
 _Array = NDArray[np.float64]
 
@@ -282,7 +292,7 @@ def _what_would_help(job: RolloutJob, climb: ClimbSettings, reference: Reference
     return found
 
 
-def _saturation(inputs: _Array, thrust_max: float) -> dict[str, float]:
+def saturation_times(inputs: _Array, thrust_max: float) -> dict[str, float]:
     """Time at the inputs' bounds; a robot without thrusters has no bound to be at."""
     at_bound = (inputs[:, 1] <= _SATURATED) | (inputs[:, 1] >= thrust_max - _SATURATED)
     return {
@@ -301,12 +311,12 @@ def _reduced_figures(
     with np.errstate(divide="ignore", invalid="ignore"):
         used = np.where(normal > 0.0, np.abs(along) / normal, np.inf)
     return {
-        **_saturation(run.inputs, reduction.thrust_max),
+        **saturation_times(run.inputs, reduction.thrust_max),
         "slip_time": slip_time,
         "solver_failures": float(run.fallbacks),
-        "friction_used": _largest(used),
+        "friction_used": largest(used),
         "normal_force_min": float(normal.min()) if normal.size else math.nan,
-        "duty_max": _largest(run.inputs[graced, 0]),
+        "duty_max": largest(run.inputs[graced, 0]),
         "wheel_rms": radius * _rms(error[settled, 0]),
         "pitch_rms": _rms(error[settled, 1]),
         "climbed": radius * float(run.state[-1, 0]) if len(run.time) else 0.0,
@@ -331,15 +341,16 @@ def _full_figures(summary: ClimbSummary, dataset: xarray.Dataset, reduction: Red
     }
     return {
         **{name: math.nan if value is None else float(value) for name, value in figures.items()},
-        **_saturation(inputs, reduction.thrust_max),
-        "friction_used": _largest(force[pressed, 0] / force[pressed, 1]),
+        **saturation_times(inputs, reduction.thrust_max),
+        "friction_used": largest(force[pressed, 0] / force[pressed, 1]),
         "normal_force_min": float(force[:, 1].min()) if len(force) else math.nan,
-        "duty_max": _largest(inputs[graced, 0]),
+        "duty_max": largest(inputs[graced, 0]),
         "simulated_time": _CONTROL_PERIOD * len(inputs),
     }
 
 
-def _largest(values: _Array) -> float:
+def largest(values: _Array) -> float:
+    """Largest absolute value; NaN of nothing."""
     return float(np.max(np.abs(values))) if values.size else math.nan
 
 
