@@ -54,7 +54,7 @@ def plot_attraction(dataset: xarray.Dataset, path: Path | str) -> Path:
     handles.append(Line2D([], [], color=INK, linewidth=1.6, label="comes back"))
     if full:
         handles.append(
-            Line2D([], [], color=COLOURS["blue"], linewidth=1.3, linestyle="--", label="the reduced model too")
+            Line2D([], [], color=COLOURS["blue"], linewidth=1.3, linestyle="--", label="reduced model comes back")
         )
     handles.append(Line2D([], [], color=INK, marker="+", linestyle="", markersize=8, label="equilibrium"))
     figure.legend(handles=handles, loc="outside right center", fontsize=8.5, frameon=False)
