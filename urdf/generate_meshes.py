@@ -51,9 +51,7 @@ def frame(size: Dimensions) -> Mesh:
             if index < bays:
                 rises = index % 2 == 0
                 ends = (inner_low, inner_high) if rises else (inner_high, inner_low)
-                parts.append(
-                    bar((x, y, ends[0]), (places[index + 1], y, ends[1]), 0.009, 0.005, (0.0, 0.0, 1.0))
-                )
+                parts.append(bar((x, y, ends[0]), (places[index + 1], y, ends[1]), 0.009, 0.005, (0.0, 0.0, 1.0)))
     for end in (1.0, -1.0):
         x = end * (length / 2.0 - 0.014)
         parts.append(box((0.012, 0.5 * width, height - 2.0 * _PLATE), (x, 0.0, size.base.centre[2])))
@@ -130,9 +128,7 @@ def skid(size: Dimensions) -> Mesh:
         tube([(end * size.skid_strut_x, 0.0, low), (end * size.skid_strut_x, 0.0, base_bottom)], 0.7 * radius)
         for end in (1.0, -1.0)
     ]
-    brace = tube(
-        [(-size.skid_strut_x, 0.0, low + 0.055), (size.skid_strut_x, 0.0, low + 0.055)], 0.45 * radius, 6
-    )
+    brace = tube([(-size.skid_strut_x, 0.0, low + 0.055), (size.skid_strut_x, 0.0, low + 0.055)], 0.45 * radius, 6)
     return joined(rail, *feet, *caps, *struts, brace)
 
 
@@ -252,7 +248,12 @@ def propeller(size: Dimensions) -> Mesh:
     nose = loft(
         [
             [(r * math.sin(angle), y, r * math.cos(angle)) for angle in angles]
-            for r, y in ((0.0150, plane - 0.006), (0.0150, plane + 0.003), (0.0115, plane + 0.009), (0.005, plane + 0.013))
+            for r, y in (
+                (0.0150, plane - 0.006),
+                (0.0150, plane + 0.003),
+                (0.0115, plane + 0.009),
+                (0.005, plane + 0.013),
+            )
         ]
     )
     return joined(around(loft(blade), 1, 3), shaft, nose)

@@ -10,6 +10,7 @@ import html
 import importlib.util
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -27,25 +28,18 @@ from m4_dynamics.view.bodies import joint_path
 from m4_dynamics.view.frames import Frames, sample_frames
 from m4_dynamics.view.friction import friction_use_in_plane, worst_wheel
 from m4_dynamics.view.ground import TILE_LENGTH, clip_profile
-from m4_dynamics.view.motion import animation_command, motion_matrix
+from m4_dynamics.view.motion import animation_command
+from m4_dynamics.view.overlays import legend_entries, overlays_of
 from m4_dynamics.view.phases import balancing_samples, phases_of
-from m4_dynamics.view.scene import (
-    COM_COLOUR,
-    CONTACT_COLOUR,
-    THRUST_COLOUR,
-    Bounds,
-    scene_bounds,
-    scene_commands,
-    scene_motions,
-)
+from m4_dynamics.view.scene import Bounds, placing_commands, scene_bounds, scene_commands, scene_motions
 from m4_dynamics.view.style import run_facts
-from m4_dynamics.view.three import Command, pack, set_transform
+from m4_dynamics.view.three import Command, pack_in_parts
 
 __all__ = ["replay_html", "write_replay_html"]
 
 _GROUND_MARGIN = 0.6  # [m] of ground shown before and behind the robot's way
 _FOLLOWED_FROM = 2.5  # [m] a longer way is shown by following the robot
-_VIEW_DIRECTION = (-0.42, -1.0, 0.36)  # from the way's middle to the camera: beside it, a little downhill and above
+_VIEW_DIRECTION = (-0.34, -1.0, 0.36)  # from the way's middle to the camera: beside it, a little downhill and above
 _FIELD_OF_VIEW = 30.0  # [deg] vertical
 # Nothing may be fetched from anywhere; what runs is in the page.
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -93,7 +87,8 @@ def replay_html(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: flo
     """
     frames = sample_frames(dataset, robot, frames_per_second=frames_per_second)
     metres_per_newton = round_scale([*frames.contact_force.values(), *frames.thrust_force.values()])
-    motions = scene_motions(robot, frames, metres_per_newton=metres_per_newton)
+    overlays = overlays_of(dataset, robot, frames)
+    motions = scene_motions(robot, frames, overlays, metres_per_newton=metres_per_newton)
     bounds = scene_bounds(motions, robot)
     profile = clip_profile(
         dataset["terrain_x"].values,
@@ -101,19 +96,15 @@ def replay_html(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: flo
         low=bounds.low[0] - _GROUND_MARGIN,
         high=bounds.high[0] + _GROUND_MARGIN,
     )
-    commands = scene_commands(robot, profile, bounds)
-    commands += [set_transform(motion.path, motion_matrix(motion, 0)) for motion in motions]
+    commands = scene_commands(robot, profile, bounds, frames, overlays)
+    commands += placing_commands(motions)
     commands.append(animation_command(motions, frames.elapsed, frames_per_second))
     return _page(
         title=_title(dataset, robot),
         commands=commands,
         facts={
             "conditions": [fact for fact in run_facts(dataset) if not fact.startswith("mission ")],
-            "legend": [
-                {"kind": "arrow", "colour": THRUST_COLOUR, "text": "thrust on the robot"},
-                {"kind": "arrow", "colour": CONTACT_COLOUR, "text": "ground on a wheel"},
-                {"kind": "dot", "colour": COM_COLOUR, "text": "centre of mass"},
-            ],
+            "legend": [asdict(entry) for entry in legend_entries(robot, overlays)],
             "scale": f"10 N: {1000.0 * metres_per_newton:.3g} cm, tiles: {100.0 * TILE_LENGTH:.3g} cm",
             "frames_per_second": frames_per_second,
             "start_time": _rounded([frames.time[0]], 4)[0],
@@ -205,8 +196,12 @@ def _rounded(values: ArrayLike, digits: int) -> list[float | None]:
 def _page(*, title: str, commands: Sequence[Command], facts: dict[str, Any]) -> str:
     """Put the page together."""
     folder = resources.files("m4_dynamics.view.page")
-    packed = [base64.b64encode(pack(command)).decode("ascii") for command in commands]
-    data = json.dumps({"commands": packed, **facts}, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    # A mesh that four wheels share, and the instants that all tracks share, are written once.
+    numbers: dict[bytes, int] = {}
+    packed = [[numbers.setdefault(part, len(numbers)) for part in pack_in_parts(one)] for one in commands]
+    parts = [base64.b64encode(part).decode("ascii") for part in numbers]
+    content = {"parts": parts, "commands": packed, **facts}
+    data = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     program, licences = _viewer_program()
     return Template(folder.joinpath("replay.html").read_text(encoding="utf-8")).substitute(
         title=html.escape(title),
