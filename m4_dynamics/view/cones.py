@@ -1,4 +1,4 @@
-"""Friction cones: as high as the normal force, so that a force arrow ends on the cone's rim when friction is used up."""
+"""Friction cones, as high as the normal force: a force arrow ends on the cone's rim when friction is used up."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def cone_motion(
     Returns:
         The motion; the cone shrinks to nothing without contact.
     """
-    known = np.isfinite(contact).all(axis=1) & np.isfinite(force).all(axis=1)
-    pressing = np.einsum("ki,ki->k", np.where(known[:, None], force, 0.0), normal)
+    known = np.asarray(np.isfinite(contact).all(axis=1) & np.isfinite(force).all(axis=1))
+    pressing = (np.where(known[:, None], force, 0.0) * normal).sum(axis=1)
     size = np.where(pressing > _LEAST_FORCE, pressing * metres_per_newton, HIDDEN_SCALE)
     places = np.where(known[:, None], contact, 0.0)
     return Motion(path, places, quaternions_onto(normal), np.repeat(size[:, None], 3, axis=1))
@@ -76,11 +76,11 @@ def ground_normals(
     Returns:
         Unit normals, shape (n, 3): of the nearest piece of ground; on a convex corner, towards the wheel's centre.
     """
-    known = np.isfinite(contact).all(axis=1)
+    known = np.asarray(np.isfinite(contact).all(axis=1))
     points = np.where(known[:, None], contact, 0.0)[:, [0, 2]]
     starts, steps = profile[:-1], np.diff(profile, axis=0)
-    squared = np.einsum("si,si->s", steps, steps)
-    share = np.clip(np.einsum("nsi,si->ns", points[:, None] - starts, steps) / squared, 0.0, 1.0)
+    squared = (steps * steps).sum(axis=1)
+    share = np.clip(((points[:, None] - starts) * steps).sum(axis=2) / squared, 0.0, 1.0)
     distance = np.linalg.norm(points[:, None] - starts - share[..., None] * steps, axis=2)
     nearest = np.argmin(distance, axis=1)
     chosen = steps[nearest] / np.sqrt(squared[nearest])[:, None]

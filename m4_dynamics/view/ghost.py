@@ -1,4 +1,4 @@
-"""A ghost of the robot at its reference: the posture of the reduced model, translucent, moving as one with its wheels."""
+"""A ghost of the robot at its reference: translucent, in the posture of the reduced model, moving as one."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def ghost_motions(path: str, robot: Robot, reduction: Reduction, planar: PlanarM
     known = np.isfinite(planar.axle).all(axis=1) & np.isfinite(planar.pitch) & np.isfinite(planar.wheel_angle)
     frame, count = reduction.frame, len(known)
     position, quaternion = np.zeros((count, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
-    for index in np.flatnonzero(known):
+    for index in np.flatnonzero(known).tolist():
         rotation = frame.base_rotation_in_world(0.0, float(planar.pitch[index]))
         position[index] = planar.axle[index] - rotation @ frame.axle_in_base
         quaternion[index] = pin.Quaternion(rotation).coeffs()

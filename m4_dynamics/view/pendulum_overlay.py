@@ -40,7 +40,7 @@ def pendulum_commands(path: str, colour: str, parameters: MipParameters) -> list
         set_object(f"{body}/bar", cylinder(_BAR, 1.0, base_at_origin=True), material),
         set_transform(f"{body}/bar", piece_matrix(np.zeros(3), com)),
         set_object(f"{body}/mass", sphere(0.028), material),
-        set_transform(f"{body}/mass", piece_matrix(com, com + [0.0, 0.0, 1.0])),
+        set_transform(f"{body}/mass", piece_matrix(com, np.add(com, (0.0, 0.0, 1.0)))),
     ]
     if np.linalg.norm(thrust) > 1e-9:
         commands.append(set_object(f"{body}/arm", cylinder(_ARM, 1.0, base_at_origin=True), material))

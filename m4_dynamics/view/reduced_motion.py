@@ -87,7 +87,7 @@ def sample_reduced(dataset: xarray.Dataset, robot: Robot, frames: Frames) -> Red
         profile = np.column_stack([dataset["terrain_x"].values, dataset["terrain_z"].values])
         path = AxlePath.over(Terrain(profile), radius)
         place = np.full_like(axle, np.nan)
-        for index in np.flatnonzero(np.isfinite(axle).all(axis=1) & np.isfinite(wanted).all(axis=1)):
+        for index in np.flatnonzero(np.isfinite(axle).all(axis=1) & np.isfinite(wanted).all(axis=1)).tolist():
             travel = path.length_at(axle[index, [0, 2]]) + radius * (wanted[index, 0] - state[index, 0])
             place[index, [0, 2]] = path.point_at(travel)
             place[index, 1] = axle[index, 1]
