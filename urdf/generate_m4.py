@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Write `m4.urdf` from one table of dimensions, so that inertias and collision shapes cannot drift apart.
 
-Run `python urdf/generate_m4.py` and `python urdf/generate_meshes.py`, which makes the visual meshes from the same table,
-after a change; tests hold the committed files equal to what the scripts write.
+Run `python urdf/generate_m4.py` and `python urdf/generate_meshes.py`, which makes the visual meshes from the same
+table, after a change; tests hold the committed files equal to what the scripts write.
 
 Frames: x forward, y left, z up (dorsal), the base frame at the middle of the four hip axes. `side` is +1 on the left
 and -1 on the right, `end` is +1 at the front and -1 at the rear. With all joints at zero the legs hang down and the

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Write M4's visual meshes from the dimensions that also give its collision shapes and inertias.
 
-Run `python urdf/generate_meshes.py` after a change of `generate_m4.py`'s table; a test holds the committed files equal to
-this script's output. A mesh stands in the frame of its link, or of its joint's left-hand side: the right-hand leg and the
-rear end turn the same mesh by half a turn about z, so every mesh is symmetric about the plane that this needs.
+Run `python urdf/generate_meshes.py` after a change of `generate_m4.py`'s table; a test holds the committed files equal
+to this script's output. A mesh stands in the frame of its link on the left-hand side, or at the front end; the
+right-hand side and the rear end turn the same mesh by half a turn about z, so every mesh is symmetric enough for that.
 """
 
 from __future__ import annotations
@@ -217,8 +217,8 @@ def shroud(size: Dimensions) -> Mesh:
     """The duct around the propeller, its hub, and five spokes on the inboard side."""
     radius, half = size.wheel_radius - 0.011, size.wheel_width / 2.0
     duct = revolved(
-        [(radius - 0.0060, -half + 0.004), (radius, -half + 0.002), (radius, half - 0.002), (radius - 0.0060, half - 0.001),
-         (radius - 0.0105, half - 0.008), (radius - 0.0080, 0.0)],
+        [(radius - 0.0060, -half + 0.004), (radius, -half + 0.002), (radius, half - 0.002),
+         (radius - 0.0060, half - 0.001), (radius - 0.0105, half - 0.008), (radius - 0.0080, 0.0)],
         _ROUND,
     )  # fmt: skip
     hub = disc(0.0200, -half + 0.004, -half + 0.024, 1, 24)
