@@ -194,7 +194,13 @@ def surroundings(bounds: Bounds) -> list[Command]:
         "intensity": 0.62,
         "matrix": [float(entry) for entry in place.ravel()],
         "castShadow": True,
-        "shadow": {"bias": -0.0004, "radius": 2.0, "mapSize": [2048, 2048], "camera": shadow_camera},
+        "shadow": {
+            "bias": -0.0008,
+            "normalBias": 0.012,
+            "radius": 2.0,
+            "mapSize": [2048, 2048],
+            "camera": shadow_camera,
+        },
     }
     commands.append(set_light("/sun", sun))
     # A weak second lamp without shadows, from uphill, keeps the other side from going black.

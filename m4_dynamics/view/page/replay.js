@@ -11,6 +11,7 @@ for (const command of replay.commands) {
 viewer.gui.__folders.Scene.close();
 viewer.gui.width = 250;
 viewer.gui.close();
+const moving = replay.times.length > 1; // else it is a still scene, such as a gallery of postures
 
 const animator = viewer.animator;
 const element = (id) => document.getElementById(id);
@@ -106,7 +107,7 @@ function frame_box(low, high) {
   viewer.set_dirty();
 }
 
-const root = viewer.scene_tree.find(replay.camera.root.split("/").filter((step) => step)).object;
+const root = replay.camera.root ? node(replay.camera.root) : null;
 const root_place = () => to_three(root.position.toArray());
 let following = null; // where the robot was when the camera last moved with it
 
@@ -121,6 +122,26 @@ function follow() {
   frame_box(centre.map((entry) => entry - 0.65), centre.map((entry) => entry + 0.65));
   following = root_place();
   element("follow").setAttribute("aria-pressed", "true");
+}
+
+// ---- labels ---------------------------------------------------------------------------------------------------------
+const labels = replay.labels.map((entry) => {
+  const [label, detail] = [document.createElement("div"), document.createElement("span")];
+  label.className = "label";
+  label.textContent = entry.text;
+  detail.textContent = entry.detail;
+  label.append(detail);
+  document.body.insertBefore(label, element("facts"));
+  return { label, place: to_three(entry.place) };
+});
+
+function place_labels() {
+  for (const { label, place } of labels) {
+    const seen = place.clone().project(viewer.camera);
+    label.hidden = seen.z > 1;
+    const [x, y] = [0.5 * (seen.x + 1) * window.innerWidth, 0.5 * (1 - seen.y) * window.innerHeight];
+    label.style.transform = `translate(-50%, 0) translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+  }
 }
 
 // ---- playback -------------------------------------------------------------------------------------------------------
@@ -140,10 +161,10 @@ window.addEventListener("resize", () => { if (!following) overview(); });
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|SELECT|BUTTON/.test(event.target.tagName)) return;
   const step = 1 / replay.frames_per_second;
-  const action = {
+  const action = moving ? {
     " ": toggle, f: () => (following ? overview() : follow()), o: overview,
     ArrowRight: () => seek(animator.time + step), ArrowLeft: () => seek(animator.time - step),
-  }[event.key];
+  }[event.key] : { o: overview }[event.key];
   if (action) { event.preventDefault(); action(); }
 });
 
@@ -164,7 +185,8 @@ function refresh() {
     element("play").textContent = animator.playing ? "❚❚" : "▶";
     element("play").setAttribute("aria-label", animator.playing ? "Pause" : "Play");
   }
-  if (shown.time !== animator.time) {
+  if (labels.length) place_labels();
+  if (moving && shown.time !== animator.time) {
     const last = replay.times.length - 1;
     const index = Math.min(last, Math.max(0, Math.round(animator.time * replay.frames_per_second)));
     element("clock").textContent =
@@ -179,6 +201,8 @@ function refresh() {
   shown = { time: animator.time, playing: animator.playing };
 }
 
+element("timeline").hidden = !moving;
+document.body.classList.toggle("still", !moving);
 if (replay.camera.follow) follow(); else overview();
 if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) animator.pause();
 refresh();
