@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["add_arguments", "run"]
 
-_FOR_RUNS = ("slope", "thrust", "friction", "start")
+_OF_MAPS = ("slope", "thrust", "friction", "start")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,25 +74,23 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse options that contradict each other before anything is loaded."""
-    from m4_dynamics.errors import InvalidSettingError
+    from m4_dynamics.errors import M4Error
 
     if args.posture is not None and args.all_postures:
-        raise InvalidSettingError("--posture", args.posture, "either --posture or --all-postures")
-    of_map = [f"--{name}" for name in _FOR_RUNS if getattr(args, name) is not None]
+        raise M4Error("--posture and --all-postures exclude each other; give one of them")
+    of_map = [f"--{name}" for name in _OF_MAPS if getattr(args, name) is not None]
     if args.subject is None:
         if of_map:
-            raise InvalidSettingError(
-                of_map[0], getattr(args, of_map[0][2:]), "the folder of a closed-loop map before it"
-            )
+            raise M4Error(f"{of_map[0]} chooses a cell of a map; give the folder of a closed-loop map with it")
         if args.robot is None and args.posture is None and not args.all_postures:
-            raise InvalidSettingError(
-                "what to view", "nothing", "a run's folder, --posture NAME, --all-postures, or --robot ROBOT"
+            raise M4Error(
+                "there is nothing to view; give a run's folder, or --posture NAME, --all-postures or --robot ROBOT"
             )
         return
     if args.posture is not None or args.all_postures:
-        raise InvalidSettingError("RUN", str(args.subject), "either a run or postures, not both")
+        raise M4Error(f"{args.subject} is a run and has its own postures; leave --posture and --all-postures out")
     if of_map and (args.slope is None or args.thrust is None):
-        raise InvalidSettingError("cell of a map", ", ".join(of_map), "both --slope and --thrust")
+        raise M4Error(f"a cell of a map takes both --slope and --thrust, got {', '.join(of_map)} alone")
 
 
 def _require_folder(path: Path) -> None:

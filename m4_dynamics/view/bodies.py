@@ -48,7 +48,7 @@ def robot_commands(robot: Robot, *, root: str = ROOT, material: Material | None 
     """
     commands: list[Command] = []
     shapes: dict[tuple[str, bytes], Shape | None] = {}  # of meshes, by file and scale: wheels share theirs
-    for geometry in robot.visual_model.geometryObjects:
+    for geometry in _bodies(robot):
         key = (geometry.meshPath, np.asarray(geometry.meshScale).tobytes())
         shape = shapes.get(key) or shape_of(geometry.geometry)
         if geometry.meshPath and isinstance(geometry.geometry, coal.BVHModelBase):
@@ -127,7 +127,12 @@ def _clean(name: str) -> str:
 
 
 def _geometries_of(robot: Robot, wheel: Wheel) -> list[pin.GeometryObject]:
-    return [one for one in robot.visual_model.geometryObjects if one.parentJoint == wheel.joint_id]
+    return [one for one in _bodies(robot) if one.parentJoint == wheel.joint_id]
+
+
+def _bodies(robot: Robot) -> list[pin.GeometryObject]:
+    """What there is to see of a robot: what its description shows, or else what collides."""
+    return list(robot.visual_model.geometryObjects) or list(robot.collision_model.geometryObjects)
 
 
 def _looks_still(robot: Robot, wheel: Wheel) -> bool:

@@ -169,7 +169,13 @@ def surroundings(bounds: Bounds) -> list[Command]:
         set_property("/Background", "top_color", list(_SKY)),
         set_property("/Background", "bottom_color", list(_HORIZON)),
     ]
-    for path in ("/Grid", "/Axes", "/Lights/PointLightNegativeX", "/Lights/PointLightPositiveX", "/Lights/FillLight"):
+    for path in (
+        "/Grid",
+        "/Axes",
+        "/Lights/PointLightNegativeX",
+        "/Lights/PointLightPositiveX",
+        "/Lights/FillLight",
+    ):
         commands.append(set_property(path, "visible", False))
     # three.js aims the sun at the world's origin, so its shadow must reach from there to the farthest corner.
     reach = float(np.max(np.linalg.norm(np.abs([bounds.low, bounds.high]), axis=1)))
@@ -191,7 +197,7 @@ def surroundings(bounds: Bounds) -> list[Command]:
     sun = {
         "type": "DirectionalLight",
         "color": 0xFFFFFF,
-        "intensity": 0.62,
+        "intensity": 0.68,
         "matrix": [float(entry) for entry in place.ravel()],
         "castShadow": True,
         "shadow": {
@@ -207,5 +213,6 @@ def surroundings(bounds: Bounds) -> list[Command]:
     place[3, :3] = np.array([0.8, -0.35, 0.25]) * 3.0 * reach
     fill = {"type": "DirectionalLight", "color": 0xFFFFFF, "intensity": 0.28}
     commands.append(set_light("/fill", {**fill, "matrix": [float(entry) for entry in place.ravel()]}))
-    commands.append(set_property("/Lights/AmbientLight/<object>", "intensity", 0.58))
+    commands.append(set_property("/fill/<object>", "castShadow", False))  # the viewer lets every object throw one
+    commands.append(set_property("/Lights/AmbientLight/<object>", "intensity", 0.52))
     return commands
