@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 _VIEW_DIRECTION = (-0.05, -1.0, 0.48)
 _TURN = math.radians(-62.0)  # of every robot about the vertical: its front is seen, and its left side
 _GAP = 0.32  # [m] between robots
-_ROW = 1.15  # distance of rows over that of robots in a row
+_ROW = 1.35  # distance of rows over that of robots in a row
 _MARGIN = 0.35  # [m] of ground around them
 _ARROW = 0.22  # [m]
 
