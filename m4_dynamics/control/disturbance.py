@@ -187,7 +187,7 @@ class DisturbanceEstimator:
         self.model[DISTURBANCE_WHEEL : DISTURBANCE_PITCH + 1] = 0.0
         self._last_step = None
 
-    def measure(self, step: int, state: _Array) -> None:
+    def measure(self, step: int, state: _Array, *, hold: bool = False) -> None:
         """Take in the measurement of a control step, before the inputs of that step are chosen.
 
         After a gap (steps left out, or one repeated) the filter starts from the measurement, with the estimate it has.
@@ -195,8 +195,10 @@ class DisturbanceEstimator:
         Args:
             step: The control step, >= 0.
             state: The measured state, shape (4,), finite.
+            hold: Whether the pendulum is known not to describe the robot now, as while its wheels touch two faces of
+                the ground: the estimate stays as it is.
         """
-        if self._last_step is None or step != self._last_step + 1:
+        if hold or self._last_step is None or step != self._last_step + 1:
             self._predicted[:] = state
             return
         mip_step(self.model, self._last_slope, self._predicted, self._last_inputs, self._time_step, 1, self._predicted)

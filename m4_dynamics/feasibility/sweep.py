@@ -104,8 +104,8 @@ def _on_cluster(client: Any, shared: Any, batches: Sequence[list[CellIndex]]) ->
 
     futures = [client.submit(run_cells, shared, batch, pure=False) for batch in batches]
     try:
-        # Without its loop, `as_completed` takes that of the caller's current client, which another one may be; waiting for a
-        # result that a dying worker took along then fails, as an event cannot be waited for in two loops.
+        # Without its loop, `as_completed` takes that of the caller's current client, which another one may be; waiting
+        # for a result that a dying worker took along then fails, as an event cannot be waited for in two loops.
         for future in as_completed(futures, loop=client.loop):
             yield from future.result()
             future.release()

@@ -45,7 +45,12 @@ def test_converged_plan_is_the_minimum_of_the_nonlinear_problem(pendulum, make_c
     case = make_case(45.0)
     n, sample = 5, 150
     configuration = MpcSettings(
-        horizon=n, friction_static=0.74, sqp_iterations=50, solver_tolerance=1e-10, disturbance_rejection=False
+        horizon=n,
+        input_weights=MpcSettings.paper().input_weights,  # the default's hardly need the constraints
+        friction_static=0.74,
+        sqp_iterations=50,
+        solver_tolerance=1e-10,
+        disturbance_rejection=False,
     )
     controller = MpcController(pendulum, case.reference, configuration)
     state = case.reference.state[sample] + np.array([0.02, -0.08, 0.1, -0.1])
@@ -198,7 +203,7 @@ def test_capped_iterations_are_counted_and_the_lqr_still_balances(pendulum, make
     case = make_case(45.0)
     capped = MpcSettings(solver_iterations=1, solver_inner_iterations=1, solver_tolerance=1e-12)
     controller = MpcController(pendulum, case.reference, capped)
-    run = simulate(controller, case.reference, pitch_error_deg=8.0, steps=1000)
+    run = simulate(controller, case.reference, pitch_error_deg=10.0, steps=1000)
     counted = sum(d.fallback for d in run.diagnostics)
     assert counted == controller.fallbacks
     assert counted > 10
@@ -217,7 +222,7 @@ def test_jumping_states_never_need_the_fallback(pendulum, make_case):
     constrained = 0
     for k in range(1500):
         if k % 10 == 0:
-            x = case.reference.state[k] + rng.normal(size=4) * [0.5, 0.15, 2.0, 1.0]
+            x = case.reference.state[k] + rng.normal(size=4) * [0.5, 0.2, 2.0, 1.5]
         u = controller.control(k, x)
         constrained += controller.diagnostics.iterations > 0
         mip_step(p, case.slope, x, u, 0.005, 2, x)

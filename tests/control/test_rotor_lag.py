@@ -111,7 +111,7 @@ def test_terminal_cost_is_what_the_lqr_of_five_states_pays(lagging, make_case):
     a, b = linearise(lagging, case.slope, case.trim.state, case.trim.inputs)
     a, b = discretise_euler(a, b, DT)
     share = 1.0 - np.exp(-DT / LAG)
-    q, r = np.diag([10.0, 1e4, 5.0, 25.0]), np.diag([5.0, 0.5])
+    q, r = np.diag(MpcSettings().state_weights), np.diag(MpcSettings().input_weights)
     gain = controller.problem.gains[0]
     rng = np.random.default_rng(3)
     for _ in range(3):
@@ -131,7 +131,7 @@ def test_unconstrained_mpc_is_the_lqr_of_five_states(lagging, make_case, horizon
     case = make_case(45.0, speed=0.0)
     a, b = discretise_euler(*linearise(lagging, case.slope, case.trim.state, case.trim.inputs), DT)
     a, b = with_rotor_lag(a, b, 1.0 - np.exp(-DT / LAG))
-    gain, _ = lqr_gain(a, b, [10.0, 1e4, 5.0, 25.0, 0.0], [5.0, 0.5])
+    gain, _ = lqr_gain(a, b, [*MpcSettings().state_weights, 0.0], MpcSettings().input_weights)
     free = MpcSettings(
         horizon=horizon,
         solver_tolerance=1e-12,

@@ -50,7 +50,10 @@ def test_completes_on_a_realistic_plant_too(name):
     climbs = [phase for phase in result.summary.phases if phase.name in ("climb", "back down")]
     for phase in climbs:
         assert phase.slip_time_s <= 0.02  # measured 0.003 s right after the corner
-        assert phase.ground_force_rms_over_weight <= 0.03
+        assert phase.ground_force_rms_over_weight <= 0.01  # measured 0.0019
+        # Odometry is a centimetre off at the corner; the wheels find it, the robot does not wait there.
+        assert phase.wheel_rms_m <= 0.03  # measured 0.017
+        assert phase.pitch_rms_deg <= 0.5  # measured 0.17
         assert phase.fallbacks == 0
 
 

@@ -93,6 +93,7 @@ class MpcController:
         self.rotor.reset(float(self.problem.applied[0, 1]) if thrust is None else thrust)
         self.plan.clear()
         self._optimiser.qp.reset()
+        self.target.reset()
         if self.estimator is not None:
             self.estimator.reset()
         self.fallbacks = 0
@@ -110,8 +111,9 @@ class MpcController:
 
         plan, target, optimiser, estimator = self.plan, self.target, self._optimiser, self.estimator
         sample = min(step, self.problem.last_step)
+        at_corner = target.meet_corner(sample, float(state[0]), float(state[2]))
         if estimator is not None:
-            estimator.measure(step, state)
+            estimator.measure(step, state, hold=at_corner)
         target.aim(sample, state[0])
         self._state[:4] = state
         self._state[4:] = self.rotor.thrust_at(step)

@@ -25,7 +25,11 @@ class MpcSettings:
         time_step: Sampling time of controller and prediction [s].
         horizon: Number of samples n_h that the plan looks ahead.
         state_weights: Diagonal of Q on (wheel angle, pitch, and their rates).
-        input_weights: Diagonal of R on (duty, thrust).
+        input_weights: Diagonal of R on (duty, thrust). The paper's duty weight of 5 puts a pole at 216 rad/s, faster
+            than ground and legs: 6 deg of pitch reverse the whole ground force within 20 ms, the normal force
+            overshoots, a wheel slides, and on slippery ground the robot spins out. With 500 that pole lies at
+            28 rad/s, and the doubled weight of the wheel angle keeps the slowest one at 1.7 rad/s (1.4 with the
+            paper's weights).
         input_reference: What R is measured from: "trim" is the reference trajectory's inputs, "zero" is no input at
             all, which pays the controller for letting the robot sag and makes it fall on slopes.
         terminal_cost: "riccati" weighs the last predicted error with the infinite-horizon cost at the trim, "none"
@@ -33,8 +37,8 @@ class MpcSettings:
         ground_constraints: Whether the plan respects friction cone and least normal force.
         friction_static: Coefficient of static friction mu_s of the ground.
         friction_fraction: The plan uses at most this fraction of mu_s. The rest is for what the planar model does not
-            see: sideways forces, uneven load of the two wheels, heading hold. With 0.9 a recovery from 5 deg of pitch
-            at 45 deg slides a wheel; 0.8 does not.
+            see: sideways forces, uneven load of the two wheels, heading hold. On ground a tenth more slippery than
+            assumed, from 8 deg of pitch at 45 deg, 0.9 slides now and then and 1.0 often; 0.8 does not.
         normal_force_min: Least normal force that the plan keeps [N].
         duty_limits: Hard bounds of the motor duty.
         thrust_limits: Hard bounds of the thrust [N]; (0, 0) for a robot without thrusters.
@@ -42,11 +46,14 @@ class MpcSettings:
             because on a limit one of two inputs is lost.
         disturbance_rejection: Whether the controller estimates what the model lacks (`control.disturbance`) and counts
             on it; without, a wrong mass, CoM or thrust leaves the wheels centimetres off.
+        corner_reach: This far before and behind a corner of the ground the disturbance estimate rests [m]: the wheels
+            may touch both faces, the pendulum does not know of the second one, and what carries the robot there does
+            not go with it. As wide as the odometry may be off: wheels that stop this near a rising corner have found
+            it (`control.corner`).
         slack_weight: Cost of one newton of violation of the ground constraints [1/N]. The penalty is exact: while the
             sum of the constraints' multipliers stays below it, the plan violates nothing that it could satisfy. The
-            default is exact for disturbances up to some 5 deg of pitch and yields to larger ones, into the friction
-            margin first. With 1000 the plan keeps the margin and lets the robot fall over instead, because its
-            horizon ends before the fall.
+            default yields to the largest disturbances, into the friction margin first, because the plan's horizon ends
+            before the fall that it would prevent.
         slack_curvature: Quadratic cost of the violation [1/N^2]; keeps the QP strictly convex.
         sqp_iterations: Linearisations per control step; 1 is the real-time iteration.
         sqp_tolerance: With more than one, stop when the step is below this (in units of half an input's range).
@@ -59,8 +66,8 @@ class MpcSettings:
 
     time_step: float = 0.005
     horizon: int = 10
-    state_weights: tuple[float, float, float, float] = (10.0, 1e4, 5.0, 25.0)
-    input_weights: tuple[float, float] = (5.0, 0.5)
+    state_weights: tuple[float, float, float, float] = (20.0, 1e4, 5.0, 25.0)
+    input_weights: tuple[float, float] = (500.0, 0.5)
     input_reference: InputReference = "trim"
     terminal_cost: TerminalCost = "riccati"
     ground_constraints: bool = True
@@ -71,6 +78,7 @@ class MpcSettings:
     thrust_limits: tuple[float, float] = (0.0, 43.2)
     thrust_margin: float = 2.0
     disturbance_rejection: bool = True
+    corner_reach: float = 0.04
     slack_weight: float = 50.0
     slack_curvature: float = 1.0
     sqp_iterations: int = 1
@@ -88,7 +96,7 @@ class MpcSettings:
         friction_static: float = 0.8,
         thrust_limits: tuple[float, float] = (0.0, 43.2),
     ) -> MpcSettings:
-        """The paper's own settings: no terminal cost, no margin to the ground constraints (section V).
+        """The paper's own settings: its weights, no terminal cost, no margin to the ground constraints (section V).
 
         Args:
             input_reference: See the class; the paper's formula reads "zero", with which the robot falls.
@@ -100,6 +108,8 @@ class MpcSettings:
         """
         return cls(
             input_reference=input_reference,
+            state_weights=(10.0, 1e4, 5.0, 25.0),
+            input_weights=(5.0, 0.5),
             terminal_cost="none",
             friction_static=friction_static,
             friction_fraction=1.0,

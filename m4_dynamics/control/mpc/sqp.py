@@ -191,7 +191,8 @@ class SqpOptimiser:
         if problem.profile is None:
             rollout_and_linearise(target.model, target.slopes, state, inputs, time_step, *linearisation)
         else:
-            starts, slopes = problem.profile.starts, problem.profile.slopes
+            assert target.corners is not None
+            starts, slopes = target.corners.starts, problem.profile.slopes
             rollout_over_profile(
                 target.model, starts, slopes, state, inputs, time_step, self._slopes, self._pieces, *linearisation
             )

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from m4_dynamics.control.corner import CornerFinder
 from m4_dynamics.control.mpc.kernels import FRICTION
 from m4_dynamics.control.mpc.problem import Problem
-from m4_dynamics.reduced.kernels import inputs_along, pitch_shift_within_limits
+from m4_dynamics.reduced.kernels import WHEEL_RADIUS, inputs_along, pitch_shift_within_limits
 
 __all__ = ["Target"]
 
@@ -33,6 +34,7 @@ class Target:
     robot cannot stand where its plan forbids it to, and would settle away from its target.
 
     Attributes:
+        corners: Where the ground's corners are, by the measured wheel angle; None without a profile.
         model: Parameter vector of the pendulum that predicts, with the estimated disturbance.
         weights: The problem's weights and limits, with the friction that this step may plan with.
         pitch_shift: What the pitch gave way by [rad].
@@ -56,6 +58,7 @@ class Target:
         "_problem",
         "_sample",
         "_upper",
+        "corners",
         "costed_inputs",
         "gain",
         "inputs",
@@ -81,6 +84,10 @@ class Target:
         self._nominal = problem.parameters
         self.model = self._nominal if model is None else model
         self._corrected = model is not None or problem.profile is not None
+        radius = float(problem.parameters[WHEEL_RADIUS])
+        self.corners = (
+            None if problem.profile is None else CornerFinder(problem.profile, reach=settings.corner_reach / radius)
+        )
         self.weights: _Array = problem.weights.copy() if self._corrected else problem.weights
         self._lower = np.array([settings.duty_limits[0], settings.thrust_limits[0]])
         self._upper = np.array([settings.duty_limits[1], settings.thrust_limits[1]])
@@ -118,7 +125,8 @@ class Target:
             self.slopes = problem.slopes[sample : end + 1]
             self.gain, self.terminal = problem.gains[sample], problem.terminals[end]
         else:
-            piece = int(np.searchsorted(problem.profile.starts, wheel_angle, side="right")) - 1
+            assert self.corners is not None
+            piece = int(np.searchsorted(self.corners.starts, wheel_angle, side="right")) - 1
             self.slopes = np.full(len(self.states) + 1, problem.profile.slopes[piece])
             self.gain, self.terminal = problem.piece_gains[piece], problem.piece_terminals[piece]
         if not self._corrected:
@@ -135,6 +143,26 @@ class Target:
         )
         self.weights[FRICTION] = max(settings.friction_plan, min(FRICTION_ROOM * friction, settings.friction_static))
         self._correct()
+
+    def reset(self) -> None:
+        """Forget what the wheels have told of the ground's corners."""
+        if self.corners is not None:
+            self.corners.reset()
+
+    def meet_corner(self, sample: int, wheel_angle: float, rate: float) -> bool:
+        """Take in where the wheels are, for the corners of the ground.
+
+        Args:
+            sample: Index of the reference that belongs to now.
+            wheel_angle: Measured wheel angle [rad].
+            rate: Measured wheel rate [rad/s].
+
+        Returns:
+            Whether the wheels may touch two faces of the ground.
+        """
+        if self.corners is None:
+            return False
+        return self.corners.update(wheel_angle, rate, float(self._problem.states[sample, 2]))
 
     def meet(self, slopes: _Array, pieces: _IndexArray) -> None:
         """Take in the ground that a plan meets; only where there is a profile.
