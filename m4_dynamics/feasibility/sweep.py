@@ -7,6 +7,7 @@ import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,9 @@ def open_sweep(job: RolloutJob, *, workers: int | None = None, scheduler: str | 
         return
     with _client(count, scheduler) as client:
         # A task that unpickles the job, and not data sent ahead: if every worker that holds it dies, it is made anew.
-        shared = client.submit(pickle.loads, pickle.dumps(job), pure=False)
+        # Workers draw nothing.
+        light = replace(job, robot=job.robot.without_visuals())
+        shared = client.submit(pickle.loads, pickle.dumps(light), pure=False)
         yield lambda cells: _on_cluster(client, shared, batches(cells))
 
 
