@@ -1,4 +1,4 @@
-"""The benchmark: closed loop, control step and simulation step, each beside its peers, interleaved in one run.
+"""The benchmark: closed loop, control step and simulation step beside their peers, interleaved in one run; static map.
 
 Every contender runs a short burst in turn, round after round, so that a change in the machine's load meets all of them;
 what is compared is the median over the rounds, and the ratio to this package's own in the same run.
@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,26 @@ from m4_dynamics.bench.drake_stepping import build_drake_stepper
 from m4_dynamics.bench.mujoco_stepping import build_mujoco_stepper
 from m4_dynamics.bench.peers import PeerMissingError
 from m4_dynamics.control.mpc.settings import MpcSettings
+from m4_dynamics.feasibility.grid import MapGrid
+from m4_dynamics.feasibility.postures import posture_case
+from m4_dynamics.feasibility.static import static_map
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.full.standing import standing_configuration
 from m4_dynamics.full.stepping import ImplicitStepper
+from m4_dynamics.reduced.reduction import reduce_robot
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.climb import ClimbSettings, prepare_climb, run_climb
 
-__all__ = ["Contender", "Measurement", "bench_closed_loop", "bench_control_step", "bench_simulation_step", "measure"]
+__all__ = [
+    "Contender",
+    "MapTimes",
+    "Measurement",
+    "bench_closed_loop",
+    "bench_control_step",
+    "bench_simulation_step",
+    "bench_static_map",
+    "measure",
+]
 
 Array = NDArray[np.float64]
 Burst = Callable[[int], None]
@@ -127,6 +141,51 @@ def bench_closed_loop(
         if on_progress is not None:
             on_progress(done + 1)
     return factors
+
+
+class MapTimes(NamedTuple):
+    """Times of a static map [s].
+
+    Attributes:
+        first: Of the first one of this process, with all that it imports.
+        later: Of those after it, shape (rounds,).
+    """
+
+    first: float
+    later: Array
+
+
+def bench_static_map(
+    robot: Robot, *, rounds: int, side: int = 1000, on_progress: Callable[[float], None] | None = None
+) -> MapTimes:
+    """Time of a static map over slope and thrust: both branches, all margins, the active limit, power.
+
+    Args:
+        robot: A robot that balances.
+        rounds: Number of maps after the first.
+        side: Slopes, and as many thrusts.
+        on_progress: Called with the number of maps done.
+
+    Returns:
+        The times, of one thread.
+    """
+    reduction = reduce_robot(robot)
+    thrust_max = reduction.thrust_max
+    case = posture_case(robot, reduction)
+    grid = MapGrid(
+        slope=np.radians(np.linspace(0.0, 85.0, side)),
+        # A robot without thrusters has equilibria at no thrust alone; the others cost as much time.
+        thrust=np.linspace(0.0, thrust_max if thrust_max > 0.0 else 1.0, side),
+        friction=robot.ground.friction_static,
+    )
+    times = np.zeros(rounds + 1)
+    for done in range(rounds + 1):
+        started = perf_counter()
+        static_map([case], grid)
+        times[done] = perf_counter() - started
+        if on_progress is not None:
+            on_progress(done + 1)
+    return MapTimes(float(times[0]), times[1:])
 
 
 def bench_control_step(

@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     """
     import numpy as np
 
-    from m4_dynamics.bench.suite import bench_closed_loop, bench_control_step, bench_simulation_step
+    from m4_dynamics.bench.suite import bench_closed_loop, bench_control_step, bench_simulation_step, bench_static_map
     from m4_dynamics.cli.main import EXIT_OK
     from m4_dynamics.errors import InvalidSettingError
     from m4_dynamics.robot.loading import load_robot
@@ -43,6 +43,9 @@ def run(args: argparse.Namespace) -> int:
         raise InvalidSettingError("--rounds", args.rounds, "at least 1")
     robot, slope = load_robot(args.robot), math.radians(args.slope)
     climbs = max(3, args.rounds // 3)
+    # Before all others, which import what the first map does.
+    with progress_bar("static map", args.rounds + 1, unit="maps") as advance:
+        maps = bench_static_map(robot, rounds=args.rounds, on_progress=advance)
     with progress_bar("closed loop", climbs, unit="climbs") as advance:
         factors = bench_closed_loop(robot, slope=slope, rounds=climbs, on_progress=advance)
     with progress_bar("control step", args.rounds, unit="rounds") as advance:
@@ -51,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
         simulation = bench_simulation_step(robot, steps=1000, rounds=args.rounds, on_progress=advance)
     if args.json:
         values = {
+            "static_map": {"cells": 1_000_000, "first_s": maps.first, "later_s": maps.later.tolist()},
             "closed_loop": {"slope_deg": args.slope, "real_time_factor": [float(factor) for factor in factors]},
             "control_step": [_as_dict(entry) for entry in control],
             "simulation_step": [_as_dict(entry) for entry in simulation],
@@ -64,9 +68,16 @@ def run(args: argparse.Namespace) -> int:
         ("real-time factor", "least", "median", "greatest"),
         [(f"{climbs} climbs", lowest, middle, highest)],
     )
+    lower, median, upper = np.percentile(maps.later, [25.0, 50.0, 75.0])
+    static = make_table(
+        "Static map of 1000 slopes x 1000 thrusts: both branches, all margins, active limit, power; one thread",
+        ("time [s]", "first, with imports", "median of later ones", "+-"),
+        [(f"{args.rounds + 1} maps", maps.first, float(median), f"{50.0 * (upper - lower) / median:.0f} %")],
+    )
     print_tables(
         console,
         [
+            static,
             closed_loop,
             _peer_table("Control step: linearise, condense, solve", control),
             _peer_table("Simulation step of 1 ms, standing on four wheels", simulation),

@@ -11,6 +11,10 @@ __all__ = ["add_arguments", "run"]
 KINDS: dict[str, tuple[str, str]] = {
     "static": ("m4_dynamics.cli.map_static", "equilibria in closed form, with margins and the limit that is active"),
     "closed-loop": ("m4_dynamics.cli.map_closed_loop", "rollouts of the controller on the full model, in parallel"),
+    "attraction": (
+        "m4_dynamics.cli.map_attraction",
+        "from which pitches, pitch rates and wheel speeds the robot comes back to its equilibrium",
+    ),
     "replay": ("m4_dynamics.cli.map_replay", "one cell of a closed-loop map again, with plots and 3D replay"),
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shlex
 import sys
 from collections.abc import Sequence
@@ -13,7 +14,24 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["add_axis_options", "add_result_options", "claim_folder", "command_line", "parse_axis"]
+    from m4_dynamics.feasibility.job import SweepJob
+    from m4_dynamics.feasibility.store import SweepStore
+
+__all__ = [
+    "MAP_FILES",
+    "STORE",
+    "add_axis_options",
+    "add_result_options",
+    "add_sweep_options",
+    "claim_folder",
+    "command_line",
+    "parse_axis",
+    "run_sweep_job",
+]
+
+#: Folder of a sweep's records inside the folder of its results, and the files beside it.
+STORE = "map.zarr"
+MAP_FILES = ("map.nc", "map.png", "map.html")
 
 _VALUES_MAX = 20_000
 
@@ -52,6 +70,83 @@ def add_result_options(parser: argparse.ArgumentParser, *, folder: str) -> None:
     parser.add_argument("--out", type=Path, default=Path(folder), metavar="DIR", help=f"folder (default: {folder})")
     parser.add_argument("--force", action="store_true", help="replace a map that is already in the folder")
     parser.add_argument("--json", action="store_true", help="print a summary as JSON instead of a table")
+
+
+def add_sweep_options(parser: argparse.ArgumentParser, *, duration: float, starts: str, adaptive: str) -> None:
+    """Declare what all sweeps of rollouts share: plant, controller, starts, where they run.
+
+    Args:
+        parser: The parser.
+        duration: Default duration of a rollout [s].
+        starts: In what the starts of one cell differ.
+        adaptive: For which maps running the boundary alone is worth it.
+    """
+    parser.add_argument(
+        "--plant",
+        default="full",
+        choices=("full", "mip"),
+        help="full: the full model, with the reduced one beside it; mip: the reduced model alone (default: full)",
+    )
+    parser.add_argument(
+        "--controller",
+        default="default",
+        choices=("default", "paper", "paper-zero", "lqr", "pid"),
+        help="as for m4 wair (default: default)",
+    )
+    parser.add_argument(
+        "--duration", type=float, default=duration, metavar="S", help=f"of a rollout (default: {duration:g})"
+    )
+    parser.add_argument(
+        "--starts",
+        type=int,
+        default=1,
+        metavar="N",
+        help=f"rollouts in each cell, which differ in {starts} (default: 1)",
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help=f"of {starts} (default: 0)")
+    parser.add_argument(
+        "--yaw-error", type=float, default=0.5, metavar="DEG", help="initial headings up to this (default: 0.5)"
+    )
+    parser.add_argument("--adaptive", action="store_true", help=f"run cells near the boundary only; for {adaptive}")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers", type=int, metavar="N", help="processes on this machine (default: one for each processor; 0: none)"
+    )
+    where.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler, tcp://host:port, with its workers")
+    parser.add_argument("--resume", action="store_true", help="go on with the map that is in the folder")
+
+
+def run_sweep_job(args: argparse.Namespace, job: SweepJob) -> SweepStore:
+    """Run what a map lacks, with a progress bar, as the options say.
+
+    Args:
+        args: Options of `add_sweep_options` and `add_result_options`.
+        job: What to run.
+
+    Returns:
+        The store in the folder of the results.
+
+    Raises:
+        M4Error: Options contradict each other, there is a map already, or the run fails.
+    """
+    from m4_dynamics.errors import InvalidSettingError
+    from m4_dynamics.feasibility.run import run_job
+    from m4_dynamics.view.progress import progress_bar
+
+    if args.resume and args.force:
+        raise InvalidSettingError("--resume --force", "both", "one of them: go on with the map, or replace it")
+    claim_folder(args.out, force=args.force or args.resume, names=MAP_FILES)
+    total = math.prod(len(axis.values) for axis in job.store_axes.values())
+    with progress_bar("rolling out", total, unit="rollouts") as advance:
+        return run_job(
+            job,
+            args.out / STORE,
+            resume=args.resume,
+            force=args.force,
+            workers=args.workers,
+            scheduler=args.scheduler,
+            on_progress=advance,
+        )
 
 
 def parse_axis(option: str, text: str) -> NDArray[np.float64]:

@@ -62,8 +62,7 @@ def simulate_cell(
     Raises:
         M4Error: There is no such map or cell, the robot is another one, or the cell has no equilibrium to start from.
     """
-    from m4_dynamics.cli.map_closed_loop import STORE
-    from m4_dynamics.cli.map_options import command_line
+    from m4_dynamics.cli.map_options import STORE, command_line
     from m4_dynamics.feasibility.closed_loop import job_of_store
     from m4_dynamics.feasibility.rollout import nearest_cell, replay_cell
     from m4_dynamics.feasibility.store import open_store

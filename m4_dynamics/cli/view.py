@@ -122,7 +122,7 @@ def _page(args: argparse.Namespace) -> str:
 
 
 def _recorded_run(path: Path) -> xarray.Dataset:
-    from m4_dynamics.cli.map_closed_loop import STORE
+    from m4_dynamics.cli.map_options import STORE
     from m4_dynamics.errors import ResultFileError
     from m4_dynamics.simulation.trajectory import load_trajectory
 

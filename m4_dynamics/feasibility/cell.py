@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from m4_dynamics.errors import InvalidSettingError
+from m4_dynamics.feasibility.job import Field
 from m4_dynamics.simulation.climb import CONTROLLERS, ControllerName
 from m4_dynamics.simulation.verdict import Verdict
 
@@ -19,11 +20,11 @@ __all__ = [
     "VERDICTS",
     "VERDICT_FIELDS",
     "CellIndex",
-    "Field",
     "PlantName",
     "RolloutSettings",
     "StartErrors",
-    "empty_record",
+    "require_sweep_settings",
+    "require_within",
     "start_errors",
     "verdict_code",
 ]
@@ -52,18 +53,6 @@ class CellIndex(NamedTuple):
     slope: int
     thrust: int
     start: int
-
-
-class Field(NamedTuple):
-    """One figure of a rollout.
-
-    Attributes:
-        unit: Its unit.
-        meaning: What it is.
-    """
-
-    unit: str
-    meaning: str
 
 
 #: Figures of a rollout, in the order of a record. NaN: not simulated, or not known for this plant.
@@ -128,25 +117,18 @@ class RolloutSettings:
     adaptive: bool = False
 
     def __post_init__(self) -> None:
-        if self.plant not in PLANTS:
-            raise InvalidSettingError("plant", self.plant, "one of " + ", ".join(PLANTS))
-        if self.controller not in CONTROLLERS:
-            raise InvalidSettingError("controller", self.controller, "one of " + ", ".join(CONTROLLERS))
-        if not (isinstance(self.starts, int) and 1 <= self.starts <= 1000):
-            raise InvalidSettingError("starts", self.starts, "a whole number from 1 to 1000")
-        if not (isinstance(self.seed, int) and 0 <= self.seed < 2**63):
-            raise InvalidSettingError("seed", self.seed, "a whole number, 0 or above")
-        for name, low, high in (
-            ("speed", -2.0, 2.0),
-            ("start_time", 0.0, 600.0),
-            ("ramp_time", 1e-3, 600.0),
-            ("hold_time", 0.0, 600.0),
-            ("pitch_error_max", 0.0, math.radians(90.0)),
-            ("yaw_error_max", 0.0, math.radians(90.0)),
-        ):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise InvalidSettingError(name, value, f"a number from {low:g} to {high:g}")
+        require_sweep_settings(plant=self.plant, controller=self.controller, starts=self.starts, seed=self.seed)
+        require_within(
+            self,
+            {
+                "speed": (-2.0, 2.0),
+                "start_time": (0.0, 600.0),
+                "ramp_time": (1e-3, 600.0),
+                "hold_time": (0.0, 600.0),
+                "pitch_error_max": (0.0, math.radians(90.0)),
+                "yaw_error_max": (0.0, math.radians(90.0)),
+            },
+        )
         least = self.start_time + 2.0 * self.ramp_time + self.hold_time
         if not least - 1e-9 <= self.duration <= 600.0:
             raise InvalidSettingError("duration [s]", self.duration, f"{least:g} (rest, two ramps and hold) to 600")
@@ -154,6 +136,44 @@ class RolloutSettings:
     def as_dict(self) -> dict[str, Any]:
         """Plain values: what a stored map is compared by."""
         return asdict(self)
+
+
+def require_sweep_settings(*, plant: str, controller: str, starts: int, seed: int) -> None:
+    """Refuse settings that no sweep can have.
+
+    Args:
+        plant: One of `PLANTS`.
+        controller: One of `CONTROLLERS`.
+        starts: 1 to 1000.
+        seed: 0 or above.
+
+    Raises:
+        InvalidSettingError: Names the setting.
+    """
+    if plant not in PLANTS:
+        raise InvalidSettingError("plant", plant, "one of " + ", ".join(PLANTS))
+    if controller not in CONTROLLERS:
+        raise InvalidSettingError("controller", controller, "one of " + ", ".join(CONTROLLERS))
+    if not (isinstance(starts, int) and 1 <= starts <= 1000):
+        raise InvalidSettingError("starts", starts, "a whole number from 1 to 1000")
+    if not (isinstance(seed, int) and 0 <= seed < 2**63):
+        raise InvalidSettingError("seed", seed, "a whole number, 0 or above")
+
+
+def require_within(settings: object, ranges: Mapping[str, tuple[float, float]]) -> None:
+    """Refuse settings outside their ranges.
+
+    Args:
+        settings: Has the attributes.
+        ranges: Attribute -> least and greatest value.
+
+    Raises:
+        InvalidSettingError: Names the first one that is outside or NaN.
+    """
+    for name, (low, high) in ranges.items():
+        value = getattr(settings, name)
+        if not low <= value <= high:
+            raise InvalidSettingError(name, value, f"a number from {low:g} to {high:g}")
 
 
 class StartErrors(NamedTuple):
@@ -176,11 +196,6 @@ def start_errors(settings: RolloutSettings, index: CellIndex) -> StartErrors:
     generator = np.random.default_rng([settings.seed, *index])
     pitch, yaw = generator.uniform(-1.0, 1.0, 2)
     return StartErrors(float(settings.pitch_error_max * pitch), float(settings.yaw_error_max * yaw))
-
-
-def empty_record() -> NDArray[np.float64]:
-    """A record without any figure, shape (fields,)."""
-    return np.full(len(FIELDS), np.nan)
 
 
 def verdict_code(verdict: Verdict | str) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from m4_dynamics.errors import InvalidSettingError
 
-__all__ = ["AXIS_UNITS", "MapGrid"]
+__all__ = ["AXIS_UNITS", "MapGrid", "checked_axis"]
 
 _Array = NDArray[np.float64]
 
@@ -33,6 +33,39 @@ _RANGES: dict[str, tuple[float, float]] = {
 }
 #: A map of more cells would not fit into an ordinary memory.
 _CELLS_MAX = 20_000_000
+
+
+def checked_axis(name: str, values: ArrayLike, *, unit: str, low: float, high: float) -> _Array:
+    """An axis of a map, once it is known to be one.
+
+    Args:
+        name: For messages.
+        values: A number or a list of strictly increasing numbers.
+        unit: Of the values; angles are shown in degrees.
+        low: Least value that is valid.
+        high: Greatest.
+
+    Returns:
+        A copy that cannot be written to, shape (n,).
+
+    Raises:
+        InvalidSettingError: Names the axis and the entry that is not valid.
+    """
+    axis = np.atleast_1d(np.asarray(values, dtype=float)).copy()
+    if axis.ndim != 1 or len(axis) == 0:
+        raise InvalidSettingError(f"axis {name}", axis.shape, "a list of at least one number")
+    bad = axis[~((axis >= low) & (axis <= high))]
+    if len(bad) > 0:
+        shown, bounds, shown_unit = float(bad[0]), (low, high), unit
+        if "rad" in unit:
+            shown, shown_unit = round(math.degrees(shown), 6), unit.replace("rad", "deg")
+            bounds = (math.degrees(low), math.degrees(high))
+        where = f"axis {name} [{shown_unit}]"
+        raise InvalidSettingError(where, shown, f"numbers from {bounds[0]:g} to {bounds[1]:g}")
+    if (np.diff(axis) <= 0.0).any():
+        raise InvalidSettingError(f"axis {name}", "values that do not increase", "strictly increasing numbers")
+    axis.setflags(write=False)
+    return axis
 
 
 def _no_posture_angle() -> _Array:
@@ -67,26 +100,13 @@ class MapGrid:
             InvalidSettingError: Names the axis and the entry that is not valid.
         """
         for name, (low, high) in _RANGES.items():
-            values = np.atleast_1d(np.asarray(getattr(self, name), dtype=float)).copy()
-            object.__setattr__(self, name, values)
             if name == "posture_angle" and not self.posture_joints:
+                values = np.atleast_1d(np.asarray(self.posture_angle, dtype=float))
                 if not (len(values) == 1 and np.isnan(values[0])):
                     raise InvalidSettingError("posture_angle", values.tolist(), "the names of the joints that turn")
-                continue
-            unit = AXIS_UNITS[name][0]
-            if values.ndim != 1 or len(values) == 0:
-                raise InvalidSettingError(f"axis {name}", values.shape, "a list of at least one number")
-            bad = values[~((values >= low) & (values <= high))]
-            if len(bad) > 0:
-                shown, bounds, shown_unit = float(bad[0]), (low, high), unit
-                if unit == "rad":
-                    shown, shown_unit = round(math.degrees(shown), 6), "deg"
-                    bounds = (math.degrees(low), math.degrees(high))
-                where = f"axis {name} [{shown_unit}]"
-                raise InvalidSettingError(where, shown, f"numbers from {bounds[0]:g} to {bounds[1]:g}")
-            if (np.diff(values) <= 0.0).any():
-                raise InvalidSettingError(f"axis {name}", "values that do not increase", "strictly increasing numbers")
-            values.setflags(write=False)
+            else:
+                values = checked_axis(name, getattr(self, name), unit=AXIS_UNITS[name][0], low=low, high=high)
+            object.__setattr__(self, name, values)
         if self.cells > _CELLS_MAX:
             raise InvalidSettingError("cells of the map", self.cells, f"at most {_CELLS_MAX}")
 

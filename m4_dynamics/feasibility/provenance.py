@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from m4_dynamics import __version__
 from m4_dynamics.robot.robot import Robot
 
-__all__ = ["fingerprint", "robot_provenance"]
+__all__ = ["robot_provenance", "sweep_identity"]
 
 
 def robot_provenance(robot: Robot, *, command: str = "") -> dict[str, str]:
@@ -28,13 +25,25 @@ def robot_provenance(robot: Robot, *, command: str = "") -> dict[str, str]:
     return {"robot": robot.name, **hashes, **files, "version": __version__, "command": command}
 
 
-def fingerprint(*parts: Mapping[str, Any]) -> str:
-    """Hash of settings, the same in every process.
+class Plain(Protocol):
+    """What can say itself in plain values."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Values that JSON can hold."""
+        ...
+
+
+def sweep_identity(robot: Robot, grid: Plain, settings: Plain) -> dict[str, Any]:
+    """What all records of a sweep share.
 
     Args:
-        parts: Plain values.
+        robot: The robot.
+        grid: The axes.
+        settings: What the rollouts have in common.
 
     Returns:
-        SHA-256 of their JSON.
+        Robot with its files' hashes and the version, axes, settings.
     """
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+    provenance = robot_provenance(robot)
+    provenance.pop("command")
+    return {"provenance": provenance, "grid": grid.as_dict(), "settings": settings.as_dict()}

@@ -16,7 +16,7 @@ from m4_dynamics.reduced.trim_limits import ground_clearance
 from m4_dynamics.simulation.climb import FALL_ANGLE
 from m4_dynamics.simulation.verdict import SHORTFALL_ALLOWED, SLIP_GRACE, SLIP_TIME_ALLOWED, Verdict
 
-__all__ = ["ReducedRun", "judge_reduced", "run_reduced"]
+__all__ = ["ReducedRun", "came_down", "grip_missing", "judge_reduced", "run_reduced"]
 
 _Array = NDArray[np.float64]
 
@@ -85,6 +85,19 @@ def run_reduced(
     return ReducedRun(reference.time[:done], states[:done], inputs[:done], forces[:done], fallbacks, fell_at)
 
 
+def grip_missing(run: ReducedRun, friction: float) -> NDArray[np.bool_]:
+    """Samples at which rolling needs more grip than there is, or a pull of the ground, shape (n,)."""
+    along, normal = np.abs(run.ground_force[:, 0]), run.ground_force[:, 1]
+    return np.asarray(along > friction * np.maximum(normal, 0.0))
+
+
+def came_down(run: ReducedRun, reduction: Reduction, slope: float) -> bool:
+    """Whether the pitch left its reference by too much, or the body touched the ground."""
+    radius = reduction.parameters.wheel_radius
+    clearance = ground_clearance(slope, run.state[:, 1], reduction.outline_in_body, radius)
+    return math.isfinite(run.fell_at) or bool((clearance < 0.0).any())
+
+
 def judge_reduced(
     run: ReducedRun, reduction: Reduction, reference: ReferenceTrajectory, friction: float
 ) -> tuple[Verdict, float]:
@@ -99,13 +112,10 @@ def judge_reduced(
     Returns:
         The verdict, and the time after the first half second that rolling needed more grip than there is [s].
     """
-    slope = float(reference.slope[0])
     after_grace = run.time >= SLIP_GRACE
-    along, normal = np.abs(run.ground_force[after_grace, 0]), run.ground_force[after_grace, 1]
-    slip_time = float(np.count_nonzero(along > friction * np.maximum(normal, 0.0)) * reference.time_step)
+    slip_time = float(np.count_nonzero(grip_missing(run, friction)[after_grace]) * reference.time_step)
     radius = reduction.parameters.wheel_radius
-    clearance = ground_clearance(slope, run.state[:, 1], reduction.outline_in_body, radius)
-    if math.isfinite(run.fell_at) or (clearance < 0.0).any():
+    if came_down(run, reduction, float(reference.slope[0])):
         return Verdict.FELL, slip_time
     if slip_time > SLIP_TIME_ALLOWED:
         return Verdict.SLIPPED, slip_time

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray
@@ -14,8 +15,10 @@ from numpy.typing import NDArray
 from m4_dynamics.control.mpc.controller import MpcController
 from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
 from m4_dynamics.errors import InvalidSettingError, M4Error, NoTrimExists
-from m4_dynamics.feasibility.cell import FIELDS, CellIndex, RolloutSettings, empty_record, start_errors, verdict_code
-from m4_dynamics.feasibility.grid import MapGrid
+from m4_dynamics.feasibility.cell import FIELDS, CellIndex, RolloutSettings, start_errors, verdict_code
+from m4_dynamics.feasibility.grid import AXIS_UNITS, MapGrid
+from m4_dynamics.feasibility.job import Axis, Field, Place, Record, start_axis
+from m4_dynamics.feasibility.provenance import sweep_identity
 from m4_dynamics.feasibility.reduced_rollout import ReducedRun, judge_reduced, run_reduced
 from m4_dynamics.reduced.reduction import Reduction
 from m4_dynamics.reduced.trim import Trim, trim_branches
@@ -23,10 +26,22 @@ from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.climb import ClimbResult, ClimbSettings, make_controller, run_climb
 from m4_dynamics.simulation.verdict import SETTLING_TIME, SLIP_GRACE, ClimbSummary, Verdict
 
-__all__ = ["RolloutJob", "cell_settings", "cell_trim", "nearest_cell", "replay_cell", "run_cells"]
+__all__ = [
+    "BATCHES",
+    "RolloutJob",
+    "cell_settings",
+    "cell_trim",
+    "largest",
+    "nearest_cell",
+    "replay_cell",
+    "run_cell",
+    "saturation_times",
+]
 
 _Array = NDArray[np.float64]
 
+#: Plant -> rollouts in a task.
+BATCHES = {"full": 1, "mip": 8}
 _SATURATED = 1e-6
 _CONTROL_PERIOD = 5e-3
 
@@ -46,6 +61,44 @@ class RolloutJob:
     reduction: Reduction
     grid: MapGrid
     settings: RolloutSettings
+
+    @property
+    def kind(self) -> str:
+        """See `SweepJob`."""
+        return "closed-loop"
+
+    @property
+    def store_axes(self) -> dict[str, Axis]:
+        """Friction, slope, thrust and start."""
+        axes = {name: Axis(self.grid.axes[name], *AXIS_UNITS[name]) for name in ("friction", "slope", "thrust")}
+        return {**axes, "start": start_axis(self.settings.starts)}
+
+    @property
+    def fields(self) -> dict[str, Field]:
+        """See `FIELDS`."""
+        return FIELDS
+
+    @property
+    def batch(self) -> int:
+        """A rollout on the full model takes a hundred times as long as a task costs."""
+        return BATCHES[self.settings.plant]
+
+    @property
+    def adaptive(self) -> bool:
+        """See `RolloutSettings`."""
+        return self.settings.adaptive
+
+    def identity(self) -> dict[str, Any]:
+        """Robot, version, axes and settings."""
+        return sweep_identity(self.robot, self.grid, self.settings)
+
+    def run(self, places: Sequence[Place]) -> list[Record]:
+        """Run some cells; their records hold `FIELDS`."""
+        return [(place, run_cell(self, CellIndex(*place))) for place in places]
+
+    def succeeded(self, records: _Array) -> NDArray[np.bool_]:
+        """Whether the robot climbed."""
+        return np.asarray(records[..., 0] == verdict_code(Verdict.CLIMBED))
 
 
 def cell_trim(job: RolloutJob, index: CellIndex) -> Trim | None:
@@ -158,19 +211,6 @@ def replay_cell(job: RolloutJob, index: CellIndex, *, attributes: Mapping[str, s
     return run_climb(job.robot, climb, reduction=job.reduction, trim=trim, warm_up=False, attributes=attributes)
 
 
-def run_cells(job: RolloutJob, indices: Sequence[CellIndex]) -> list[tuple[CellIndex, _Array]]:
-    """Run some cells.
-
-    Args:
-        job: The job.
-        indices: The cells.
-
-    Returns:
-        Each with its record, see `FIELDS`.
-    """
-    return [(CellIndex(*index), run_cell(job, CellIndex(*index))) for index in indices]
-
-
 def run_cell(job: RolloutJob, index: CellIndex) -> _Array:
     """Run one cell from one start.
 
@@ -182,7 +222,7 @@ def run_cell(job: RolloutJob, index: CellIndex) -> _Array:
         Its record, shape (fields,); see `FIELDS`.
     """
     started = time.perf_counter()
-    record = dict(zip(FIELDS, empty_record(), strict=True))
+    record = dict.fromkeys(FIELDS, math.nan)
     climb = cell_settings(job, index)
     record.update(pitch_error=climb.pitch_error, yaw_error=climb.yaw_error, goal=0.0, climbed=0.0, simulated_time=0.0)
     trim = cell_trim(job, index)
@@ -252,7 +292,7 @@ def _what_would_help(job: RolloutJob, climb: ClimbSettings, reference: Reference
     return found
 
 
-def _saturation(inputs: _Array, thrust_max: float) -> dict[str, float]:
+def saturation_times(inputs: _Array, thrust_max: float) -> dict[str, float]:
     """Time at the inputs' bounds; a robot without thrusters has no bound to be at."""
     at_bound = (inputs[:, 1] <= _SATURATED) | (inputs[:, 1] >= thrust_max - _SATURATED)
     return {
@@ -271,12 +311,12 @@ def _reduced_figures(
     with np.errstate(divide="ignore", invalid="ignore"):
         used = np.where(normal > 0.0, np.abs(along) / normal, np.inf)
     return {
-        **_saturation(run.inputs, reduction.thrust_max),
+        **saturation_times(run.inputs, reduction.thrust_max),
         "slip_time": slip_time,
         "solver_failures": float(run.fallbacks),
-        "friction_used": _largest(used),
+        "friction_used": largest(used),
         "normal_force_min": float(normal.min()) if normal.size else math.nan,
-        "duty_max": _largest(run.inputs[graced, 0]),
+        "duty_max": largest(run.inputs[graced, 0]),
         "wheel_rms": radius * _rms(error[settled, 0]),
         "pitch_rms": _rms(error[settled, 1]),
         "climbed": radius * float(run.state[-1, 0]) if len(run.time) else 0.0,
@@ -301,15 +341,16 @@ def _full_figures(summary: ClimbSummary, dataset: xarray.Dataset, reduction: Red
     }
     return {
         **{name: math.nan if value is None else float(value) for name, value in figures.items()},
-        **_saturation(inputs, reduction.thrust_max),
-        "friction_used": _largest(force[pressed, 0] / force[pressed, 1]),
+        **saturation_times(inputs, reduction.thrust_max),
+        "friction_used": largest(force[pressed, 0] / force[pressed, 1]),
         "normal_force_min": float(force[:, 1].min()) if len(force) else math.nan,
-        "duty_max": _largest(inputs[graced, 0]),
+        "duty_max": largest(inputs[graced, 0]),
         "simulated_time": _CONTROL_PERIOD * len(inputs),
     }
 
 
-def _largest(values: _Array) -> float:
+def largest(values: _Array) -> float:
+    """Largest absolute value; NaN of nothing."""
     return float(np.max(np.abs(values))) if values.size else math.nan
 
 

@@ -1,4 +1,4 @@
-"""Results of a sweep on disk as they come: a Zarr store in which a cell is either there whole or not at all.
+"""Results of a sweep on disk as they come: a Zarr store in which a record is either there whole or not at all.
 
 The record of a rollout is one chunk, and a chunk appears by renaming a file. A run that is killed therefore loses only
 the rollouts that were under way, and a run that resumes does nothing twice.
@@ -17,15 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from m4_dynamics.errors import ResultFileError
-from m4_dynamics.feasibility.cell import FIELDS, CellIndex
-from m4_dynamics.feasibility.grid import AXIS_UNITS
+from m4_dynamics.feasibility.job import Place, SweepJob
 
 __all__ = ["SweepStore", "create_store", "open_store", "remove_store"]
 
 _Array = NDArray[np.float64]
 
 _IDENTITY = "identity"
-_AXES = ("friction", "slope", "thrust")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,17 +32,19 @@ class SweepStore:
 
     Attributes:
         path: Its folder.
+        kind: Of the map, see `SweepJob.kind`.
         identity: Robot, version, axes and settings that all its records share.
-        records: The array of records on disk, shape (friction, slope, thrust, start, fields).
+        records: The array of records on disk; its dimensions are the axes, the last one the fields.
     """
 
     path: Path
+    kind: str
     identity: Mapping[str, Any]
     records: Any
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of frictions, slopes, thrusts and starts."""
+        """Number of values on each axis."""
         return tuple(int(n) for n in self.records.shape[:-1])
 
     def read(self) -> _Array:
@@ -58,17 +58,16 @@ class SweepStore:
         except (OSError, ValueError) as error:
             raise ResultFileError(f"cannot read {self.path}: {error}") from error
 
-    def missing(self) -> list[CellIndex]:
-        """Cells without a record, in the order of the axes."""
-        verdicts = self.read()[..., list(FIELDS).index("verdict")]
-        return [CellIndex(*(int(i) for i in index)) for index in np.argwhere(np.isnan(verdicts))]
+    def missing(self) -> list[Place]:
+        """Places without a record, in the order of the axes."""
+        return [tuple(int(i) for i in index) for index in np.argwhere(np.isnan(self.read()[..., 0]))]
 
-    def write(self, index: CellIndex, record: _Array) -> None:
+    def write(self, index: Place, record: _Array) -> None:
         """Add one record.
 
         Args:
             index: Its place.
-            record: Shape (fields,), with a verdict.
+            record: Shape (fields,); the first is not NaN.
 
         Raises:
             ResultFileError: It cannot be written; what was there before still is.
@@ -81,14 +80,12 @@ class SweepStore:
             ) from error
 
 
-def create_store(path: Path, axes: Mapping[str, _Array], starts: int, identity: Mapping[str, Any]) -> SweepStore:
+def create_store(path: Path, job: SweepJob) -> SweepStore:
     """Make an empty store; it appears whole or not at all.
 
     Args:
         path: Its folder, which must not exist.
-        axes: Axis -> values.
-        starts: Rollouts in each cell.
-        identity: What all records share; plain values.
+        job: What its records will be of.
 
     Returns:
         The store.
@@ -104,26 +101,23 @@ def create_store(path: Path, axes: Mapping[str, _Array], starts: int, identity: 
     try:
         shutil.rmtree(partial, ignore_errors=True)
         group = zarr.open_group(partial, mode="w-", zarr_format=3)
-        group.attrs.update({_IDENTITY: dict(identity), "kind": "closed-loop"})
-        values: dict[str, NDArray[Any]] = {name: np.asarray(axes[name]) for name in _AXES}
-        values["start"] = np.arange(starts)
-        for name, axis in values.items():
-            array = group.create_array(name, shape=axis.shape, dtype=axis.dtype, dimension_names=(name,))
-            array[...] = axis
-            if name in AXIS_UNITS:
-                array.attrs.update(units=AXIS_UNITS[name][0], long_name=AXIS_UNITS[name][1])
-        shape = tuple(len(axis) for axis in values.values())
+        group.attrs.update({_IDENTITY: job.identity(), "kind": job.kind})
+        axes, fields = job.store_axes, job.fields
+        for name, axis in axes.items():
+            array = group.create_array(name, shape=axis.values.shape, dtype=axis.values.dtype, dimension_names=(name,))
+            array[...] = axis.values
+            array.attrs.update(units=axis.unit, long_name=axis.meaning)
         records = group.create_array(
             "records",
-            shape=(*shape, len(FIELDS)),
-            chunks=(1, 1, 1, 1, len(FIELDS)),
+            shape=(*(len(axis.values) for axis in axes.values()), len(fields)),
+            chunks=(*(1 for _ in axes), len(fields)),
             dtype="float64",
             fill_value=np.nan,
             compressors=None,
-            dimension_names=(*values, "field"),
+            dimension_names=(*axes, "field"),
         )
         records.attrs["fields"] = [
-            {"name": name, "units": field.unit, "long_name": field.meaning} for name, field in FIELDS.items()
+            {"name": name, "units": field.unit, "long_name": field.meaning} for name, field in fields.items()
         ]
         partial.rename(path)
     except OSError as error:
@@ -131,12 +125,12 @@ def create_store(path: Path, axes: Mapping[str, _Array], starts: int, identity: 
     return open_store(path)
 
 
-def open_store(path: Path, identity: Mapping[str, Any] | None = None) -> SweepStore:
+def open_store(path: Path, job: SweepJob | None = None) -> SweepStore:
     """Open a store to read it or to go on with it.
 
     Args:
         path: Its folder.
-        identity: What the records to come share; None does not write.
+        job: What the records to come are of; None takes whatever is there.
 
     Returns:
         The store.
@@ -151,23 +145,25 @@ def open_store(path: Path, identity: Mapping[str, Any] | None = None) -> SweepSt
     try:
         group = zarr.open_group(path, mode="r+")
         attributes: dict[str, Any] = group.attrs.asdict()
-        stored = dict(attributes[_IDENTITY])
+        stored, kind = dict(attributes[_IDENTITY]), str(attributes["kind"])
         records: Any = group["records"]
         names = [field["name"] for field in records.attrs["fields"]]
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise ResultFileError(f"cannot read {path} as the store of a sweep: {error}") from error
-    if names != list(FIELDS):
-        raise ResultFileError(f"the store {path} is from another version: its records hold {', '.join(names)}")
-    if identity is not None:
+    if job is not None:
+        if kind != job.kind:
+            raise ResultFileError(f"the store {path} is of another kind of map: {kind}, not {job.kind}")
+        if names != list(job.fields):
+            raise ResultFileError(f"the store {path} is from another version: its records hold {', '.join(names)}")
         # Through JSON and back: tuples become lists, as they did in the store.
-        wanted = json.loads(json.dumps(dict(identity)))
+        wanted = json.loads(json.dumps(job.identity()))
         different = _differences(stored, wanted)
         if different:
             raise ResultFileError(
                 f"the store {path} is of something else: {'; '.join(different[:4])}; "
                 "name another folder with --out, or use --force"
             )
-    return SweepStore(path, stored, records)
+    return SweepStore(path, kind, stored, records)
 
 
 def remove_store(path: Path) -> None:

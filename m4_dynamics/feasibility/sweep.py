@@ -7,28 +7,19 @@ import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from m4_dynamics import __version__
 from m4_dynamics.errors import InvalidSettingError, SchedulerError
-from m4_dynamics.feasibility.cell import CellIndex
-from m4_dynamics.feasibility.rollout import RolloutJob, run_cells
+from m4_dynamics.feasibility.job import Place, Record, SweepJob
 
 __all__ = ["Runner", "open_sweep", "run_sweep", "workers_by_default"]
 
-_Array = NDArray[np.float64]
-
-#: Runs cells, and yields each with its record.
-Runner = Callable[[Sequence[CellIndex]], Iterable[tuple[CellIndex, _Array]]]
+#: Runs places, and yields each with its record.
+Runner = Callable[[Sequence[Place]], Iterable[Record]]
 
 #: A worker that dies takes its task along; the task is given to another one this many times.
 _DEATHS_ALLOWED = 3
-#: Rollouts in a task: a task costs the scheduler about 2 ms, a rollout on the full model takes a hundred times as long.
-_BATCH = {"full": 1, "mip": 8}
 _CONNECT_TIMEOUT = 10.0
 
 
@@ -40,16 +31,16 @@ def workers_by_default() -> int:
 
 
 @contextmanager
-def open_sweep(job: RolloutJob, *, workers: int | None = None, scheduler: str | None = None) -> Iterator[Runner]:
+def open_sweep(job: SweepJob, *, workers: int | None = None, scheduler: str | None = None) -> Iterator[Runner]:
     """Make workers ready for a job.
 
     Args:
-        job: What all cells share.
+        job: What all places share.
         workers: Worker processes on this machine; None takes one for each processor, 0 computes in this process.
         scheduler: Address of a Dask scheduler, "tcp://host:port", instead of workers of this machine.
 
     Yields:
-        A function that runs cells and yields each record as it comes, in whatever order; it may be called again.
+        A function that runs places and yields each record as it comes, in whatever order; it may be called again.
 
     Raises:
         SchedulerError: The scheduler cannot be reached, has no workers or other software, or workers keep dying.
@@ -58,51 +49,54 @@ def open_sweep(job: RolloutJob, *, workers: int | None = None, scheduler: str | 
     count = workers_by_default() if workers is None else workers
     if not 0 <= count <= 1024:
         raise InvalidSettingError("workers", workers, "a whole number from 0 to 1024")
-    size = _BATCH[job.settings.plant]
+    size = job.batch
 
-    def batches(cells: Sequence[CellIndex]) -> list[list[CellIndex]]:
-        return [list(cells[k : k + size]) for k in range(0, len(cells), size)]
+    def batches(places: Sequence[Place]) -> list[list[Place]]:
+        return [list(places[k : k + size]) for k in range(0, len(places), size)]
 
     if count == 0 and scheduler is None:
-        yield lambda cells: (result for batch in batches(cells) for result in run_cells(job, batch))
+        yield lambda places: (record for batch in batches(places) for record in job.run(batch))
         return
     with _client(count, scheduler) as client:
         # A task that unpickles the job, and not data sent ahead: if every worker that holds it dies, it is made anew.
-        # Workers draw nothing.
-        light = replace(job, robot=job.robot.without_visuals())
-        shared = client.submit(pickle.loads, pickle.dumps(light), pure=False)
-        yield lambda cells: _on_cluster(client, shared, batches(cells))
+        shared = client.submit(pickle.loads, pickle.dumps(job), pure=False)
+        yield lambda places: _on_cluster(client, shared, batches(places))
 
 
 def run_sweep(
     run: Runner,
-    cells: Sequence[CellIndex],
-    write: Callable[[CellIndex, _Array], None],
+    places: Sequence[Place],
+    write: Callable[[Place, Any], None],
     *,
-    on_progress: Callable[[float], None] | None = None,
+    on_progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Run cells and hand over each record as it comes.
+    """Run places and hand over each record as it comes.
 
     Args:
         run: From `open_sweep`.
-        cells: The cells.
-        write: Called in this process, once for each cell.
-        on_progress: Called with the number of cells done.
+        places: The places.
+        write: Called in this process, once for each place.
+        on_progress: Called with the number of places done.
 
     Raises:
         SchedulerError: Workers keep dying.
     """
-    for done, (index, record) in enumerate(run(cells), start=1):
-        write(index, record)
+    for done, (place, record) in enumerate(run(places), start=1):
+        write(place, record)
         if on_progress is not None:
             on_progress(done)
 
 
-def _on_cluster(client: Any, shared: Any, batches: Sequence[list[CellIndex]]) -> Iterator[tuple[CellIndex, _Array]]:
+def _run_batch(job: SweepJob, places: Sequence[Place]) -> list[Record]:
+    """Run by a worker."""
+    return job.run(places)
+
+
+def _on_cluster(client: Any, shared: Any, batches: Sequence[list[Place]]) -> Iterator[Record]:
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
-    futures = [client.submit(run_cells, shared, batch, pure=False) for batch in batches]
+    futures = [client.submit(_run_batch, shared, batch, pure=False) for batch in batches]
     try:
         # Without its loop, `as_completed` takes that of the caller's current client, which another one may be; waiting
         # for a result that a dying worker took along then fails, as an event cannot be waited for in two loops.
@@ -111,7 +105,7 @@ def _on_cluster(client: Any, shared: Any, batches: Sequence[list[CellIndex]]) ->
             future.release()
     except KilledWorker as error:
         raise SchedulerError(
-            f"workers died {_DEATHS_ALLOWED + 1} times on the same cell; what is done is kept: {error}"
+            f"workers died {_DEATHS_ALLOWED + 1} times on the same rollout; what is done is kept: {error}"
         ) from error
     finally:
         client.cancel(futures)
@@ -137,7 +131,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                     threads_per_worker=1,
                     processes=True,
                     host="127.0.0.1",
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",
                     memory_limit=0,
                     silence_logs=logging.CRITICAL,
                 ) as cluster,

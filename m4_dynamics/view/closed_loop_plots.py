@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from m4_dynamics.feasibility.cell import VERDICTS
 from m4_dynamics.feasibility.disagreement import EFFECT_LABELS, Effect
-from m4_dynamics.view.map_style import VERDICT_COLOURS
+from m4_dynamics.view.map_style import VERDICT_COLOURS, outline_cells
 from m4_dynamics.view.style import COLOURS, INK, dress_axes, new_figure, save_figure, title_figure
 
 __all__ = ["plot_closed_loop"]
@@ -92,17 +92,8 @@ def _draw_verdicts(axes: Axes, cells: xarray.Dataset) -> set[int]:
     norm = BoundaryNorm(np.arange(len(VERDICTS) + 1) - 0.5, len(VERDICTS))
     axes.pcolormesh(slope, thrust, np.ma.masked_less(worst, 0), cmap=colours, norm=norm, shading="nearest")
     static = cells["static_feasible"].transpose("thrust", "slope").to_numpy()
-    if min(static.shape) > 1:
-        # A cell's edge is where the statics change their mind, not the line between two centres.
-        fine = [np.repeat(_edges(values), 2)[1:-1] for values in (slope, thrust)]
-        stepped = np.repeat(np.repeat(static, 2, axis=0), 2, axis=1).astype(float)
-        axes.contour(*fine, stepped, levels=[0.5], colors=[INK], linewidths=1.6)
+    outline_cells(axes, slope, thrust, static, color=INK, linewidth=1.6)
     return {int(code) for code in np.unique(worst) if code >= 0}
-
-
-def _edges(centres: np.ndarray) -> np.ndarray:
-    middle = 0.5 * (centres[1:] + centres[:-1])
-    return np.concatenate([[1.5 * centres[0] - 0.5 * centres[1]], middle, [1.5 * centres[-1] - 0.5 * centres[-2]]])
 
 
 def _mark_effects(axes: Axes, cells: xarray.Dataset) -> set[Effect]:

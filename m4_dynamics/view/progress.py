@@ -5,12 +5,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
-__all__ = ["progress_bar", "status_line"]
+__all__ = ["Progress", "progress_bar", "status_line"]
+
+
+class Progress(Protocol):
+    """Takes the amount done so far and, if it has become another one, the total."""
+
+    def __call__(self, done: float, total: float | None = None) -> None: ...
 
 
 @contextmanager
-def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[[float], None] | None]:
+def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Progress | None]:
     """Show how far a long job is, with the time left.
 
     Args:
@@ -19,7 +26,8 @@ def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[[f
         unit: Unit of the amount.
 
     Yields:
-        A function that takes the amount done so far, or None when stderr is not a terminal.
+        A function that takes the amount done so far and, if it has become another one, the total; None when stderr is
+        not a terminal.
     """
     if not sys.stderr.isatty():
         yield None
@@ -35,7 +43,11 @@ def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[[f
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(title, total=total)
-        yield lambda done: progress.update(task, completed=done)
+
+        def advance(done: float, total: float | None = None) -> None:
+            progress.update(task, completed=done, total=total)
+
+        yield advance
 
 
 @contextmanager
