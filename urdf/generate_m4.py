@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Write `m4.urdf` from one table of dimensions, so that inertias, collision shapes and visuals cannot drift apart.
+"""Write `m4.urdf` from one table of dimensions, so that inertias and collision shapes cannot drift apart.
 
-Run `python urdf/generate_m4.py` after a change; a test holds the committed file equal to this script's output.
+Run `python urdf/generate_m4.py` and `python urdf/generate_meshes.py`, which makes the visual meshes from the same
+table, after a change; tests hold the committed files equal to what the scripts write.
 
 Frames: x forward, y left, z up (dorsal), the base frame at the middle of the four hip axes. `side` is +1 on the left
 and -1 on the right, `end` is +1 at the front and -1 at the rear. With all joints at zero the legs hang down and the
@@ -90,13 +91,16 @@ class Dimensions:
 
 
 COLOURS = {
-    "body": (0.20, 0.21, 0.24),
-    "cover": (0.32, 0.34, 0.38),
+    "carbon": (0.16, 0.17, 0.19),
+    "cover": (0.88, 0.89, 0.90),
+    "battery": (0.42, 0.44, 0.48),
     "skid": (0.55, 0.56, 0.58),
+    "servo": (0.24, 0.25, 0.28),
     "front": (0.93, 0.42, 0.10),  # orange: the end that is forward for the ground vehicle
     "rear": (0.10, 0.42, 0.72),  # blue: the end whose wheels carry the pendulum
     "tyre": (0.12, 0.12, 0.13),
-    "propeller": (0.85, 0.86, 0.88),
+    "propeller_front": (0.97, 0.92, 0.80),  # light: the propellers that push while it balances
+    "propeller_rear": (0.38, 0.40, 0.43),  # dark: those that stand still meanwhile
 }
 
 
@@ -126,11 +130,9 @@ def add_inertial(link: ET.Element, mass: float, centre: Vector, inertia: Vector)
     ET.SubElement(inertial, "inertia", ixx=xx, ixy="0", ixz="0", iyy=yy, iyz="0", izz=zz)
 
 
-def add_shape(
-    link: ET.Element, kind: str, name: str, position: Vector, shape: Vector | tuple[float, float]
-) -> ET.Element:
-    """Append a collision or visual shape: a box (three edges) or a cylinder about y (radius, length)."""
-    element = ET.SubElement(link, kind, name=name)
+def add_collision(link: ET.Element, name: str, position: Vector, shape: Vector | tuple[float, float]) -> None:
+    """Append a collision shape: a box (three edges) or a cylinder about y (radius, length)."""
+    element = ET.SubElement(link, "collision", name=name)
     is_box = len(shape) == 3
     add_origin(element, position, (0.0, 0.0, 0.0) if is_box else (math.pi / 2.0, 0.0, 0.0))
     geometry = ET.SubElement(element, "geometry")
@@ -138,18 +140,23 @@ def add_shape(
         ET.SubElement(geometry, "box", size=vector(shape))
     else:
         ET.SubElement(geometry, "cylinder", radius=number(shape[0]), length=number(shape[1]))
-    return element
 
 
-def add_visual(link: ET.Element, name: str, position: Vector, shape: Vector | tuple[float, float], colour: str) -> None:
-    """Append a coloured visual shape."""
-    ET.SubElement(add_shape(link, "visual", name, position, shape), "material", name=colour)
-
-
-def add_solid(link: ET.Element, name: str, position: Vector, shape: Vector | tuple[float, float], colour: str) -> None:
-    """Append the same shape as a visual and as a collision body."""
-    add_visual(link, f"{name}_visual", position, shape, colour)
-    add_shape(link, "collision", f"{name}_collision", position, shape)
+def add_mesh(
+    link: ET.Element,
+    name: str,
+    mesh: str,
+    colour: str,
+    *,
+    position: Vector = (0.0, 0.0, 0.0),
+    turned: bool = False,
+) -> None:
+    """Append a coloured visual mesh, turned by half a turn about z for the rear end or the right-hand side."""
+    element = ET.SubElement(link, "visual", name=name)
+    add_origin(element, position, (0.0, 0.0, math.pi if turned else 0.0))
+    # Relative to the URDF, so that a checkout and an installed package both find it.
+    ET.SubElement(ET.SubElement(element, "geometry"), "mesh", filename=f"meshes/{mesh}.obj")
+    ET.SubElement(element, "material", name=colour)
 
 
 def add_joint(
@@ -183,25 +190,25 @@ def add_base(robot: ET.Element, size: Dimensions) -> None:
     base_top = size.base.centre[2] + height / 2.0
     base_bottom = size.base.centre[2] - height / 2.0
 
-    add_solid(link, "base_box", size.base.centre, size.base.size, "body")
+    add_collision(link, "base_box_collision", size.base.centre, size.base.size)
     cover = (size.cover_length, size.cover_width, size.cover_top - base_top)
-    add_solid(link, "base_cover", (0.0, 0.0, (size.cover_top + base_top) / 2.0), cover, "cover")
-    for end, colour in ((1, "front"), (-1, "rear")):
-        # A coloured band over the cover's end, a millimetre proud: front and rear are told apart from every side.
-        band = (0.03, cover[1] + 0.002, cover[2] - 0.002)
-        centre = (end * (cover[0] / 2.0 - 0.014), 0.0, (size.cover_top + base_top) / 2.0 + 0.002)
-        add_visual(link, f"base_band_{colour}", centre, band, colour)
+    add_collision(link, "base_cover_collision", (0.0, 0.0, (size.cover_top + base_top) / 2.0), cover)
+    for mesh, colour in (("frame", "carbon"), ("battery", "battery"), ("cover", "cover")):
+        add_mesh(link, f"base_{mesh}", mesh, colour)
+    for end_name in ("front", "rear"):
+        add_mesh(link, f"base_band_{end_name}", "end_band", end_name, turned=end_name == "rear")
 
     for side, side_name in ((1, "left"), (-1, "right")):
         y = side * size.skid_offset
         rail = (2.0 * size.skid_half_length, size.skid_thickness, size.skid_thickness)
         rail_centre = (0.0, y, size.skid_bottom + size.skid_thickness / 2.0)
-        add_solid(link, f"skid_{side_name}_rail", rail_centre, rail, "skid")
+        add_collision(link, f"skid_{side_name}_rail_collision", rail_centre, rail)
         rail_top = size.skid_bottom + size.skid_thickness
         strut = (size.skid_thickness, size.skid_thickness, base_bottom - rail_top)
         for end, end_name in ((1, "front"), (-1, "rear")):
             strut_centre = (end * size.skid_strut_x, y, (base_bottom + rail_top) / 2.0)
-            add_solid(link, f"skid_{side_name}_{end_name}_strut", strut_centre, strut, "skid")
+            add_collision(link, f"skid_{side_name}_{end_name}_strut_collision", strut_centre, strut)
+        add_mesh(link, f"skid_{side_name}", "skid", "skid", position=(0.0, y, 0.0))
 
     for end, end_name in ((1, "front"), (-1, "rear")):
         for side, side_name in ((1, "left"), (-1, "right")):
@@ -227,12 +234,20 @@ def add_leg(robot: ET.Element, size: Dimensions, end: int, side: int) -> None:
         return (point[0], side * point[1], point[2])
 
     def add_hip(
-        name: str, body: BoxBody, parent: str, origin: Vector, axis: Vector, limits: tuple[float, float]
+        name: str,
+        body: BoxBody,
+        parent: str,
+        origin: Vector,
+        axis: Vector,
+        limits: tuple[float, float],
+        meshes: tuple[tuple[str, str], ...],
     ) -> str:
         link_name = f"{leg}_{name}_link"
         link = ET.SubElement(robot, "link", name=link_name)
         add_inertial(link, body.mass, mirrored(body.centre), body.inertia())
-        add_solid(link, f"{leg}_{name}", mirrored(body.centre), body.size, end_name)
+        add_collision(link, f"{leg}_{name}_collision", mirrored(body.centre), body.size)
+        for mesh, colour in meshes:
+            add_mesh(link, f"{leg}_{mesh}", mesh, colour, turned=side < 0)
         joint = add_joint(robot, f"{leg}_{name}", "revolute", parent, link_name, origin)
         ET.SubElement(joint, "axis", xyz=vector(axis))
         lower, upper = (number(limit) for limit in limits)
@@ -249,6 +264,7 @@ def add_leg(robot: ET.Element, size: Dimensions, end: int, side: int) -> None:
         (end * hip_x, side * hip_y, hip_z),
         (float(side), 0.0, 0.0),
         size.hip_frontal_limits,
+        (("frontal_bracket", end_name), ("frontal_servo", "servo")),
     )
     sagittal = add_hip(
         "hip_sagittal",
@@ -257,21 +273,16 @@ def add_leg(robot: ET.Element, size: Dimensions, end: int, side: int) -> None:
         mirrored(size.hip_sagittal_origin),
         (0.0, 1.0, 0.0),
         size.hip_sagittal_limits,
+        (("sagittal_leg", end_name), ("sagittal_servo", "servo")),
     )
 
     wheel_name = f"{leg}_wheel_link"
     wheel = ET.SubElement(robot, "link", name=wheel_name)
     moments = (size.wheel_inertia_transverse, size.wheel_inertia_axial, size.wheel_inertia_transverse)
     add_inertial(wheel, size.wheel_mass, (0.0, 0.0, 0.0), moments)
-    add_visual(wheel, f"{leg}_tyre", (0.0, 0.0, 0.0), (size.wheel_radius, size.wheel_width), "tyre")
-    add_visual(wheel, f"{leg}_shroud", (0.0, 0.0, 0.0), (0.8 * size.wheel_radius, size.wheel_width + 0.002), end_name)
-    for blade, shape in (
-        ("long", (1.5 * size.wheel_radius, size.wheel_width + 0.004, 0.016)),
-        ("short", (0.016, size.wheel_width + 0.004, 0.9 * size.wheel_radius)),
-    ):
-        # Unequal bars across both faces, so that one sees the wheel turn.
-        add_visual(wheel, f"{leg}_propeller_{blade}", (0.0, 0.0, 0.0), shape, "propeller")
-    add_shape(wheel, "collision", f"{leg}_wheel_collision", (0.0, 0.0, 0.0), (size.wheel_radius, size.wheel_width))
+    for mesh, colour in (("tyre", "tyre"), ("shroud", end_name), ("propeller", f"propeller_{end_name}")):
+        add_mesh(wheel, f"{leg}_{mesh}", mesh, colour, turned=side < 0)
+    add_collision(wheel, f"{leg}_wheel_collision", (0.0, 0.0, 0.0), (size.wheel_radius, size.wheel_width))
     joint = add_joint(robot, f"{leg}_wheel", "continuous", sagittal, wheel_name, mirrored(size.wheel_origin))
     ET.SubElement(joint, "axis", xyz="0 1 0")
     ET.SubElement(joint, "limit", effort=number(size.wheel_effort), velocity=number(size.wheel_speed))
@@ -293,6 +304,8 @@ def build(size: Dimensions | None = None) -> str:
     """
     size = size or Dimensions()
     robot = ET.Element("robot", name="m4")
+    # MuJoCo drops the folder of a mesh unless told otherwise; other readers pass this element over.
+    ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler", strippath="false")
     for name, rgb in COLOURS.items():
         material = ET.SubElement(robot, "material", name=name)
         ET.SubElement(material, "color", rgba=vector((*rgb, 1.0)))

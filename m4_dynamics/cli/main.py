@@ -15,6 +15,10 @@ from m4_dynamics.errors import M4Error
 COMMANDS: dict[str, tuple[str, str]] = {
     "wair": ("m4_dynamics.cli.wair", "climb a slope on the full model and write plots, a summary and a 3D replay"),
     "mission": ("m4_dynamics.cli.mission", "run a whole manoeuvre: stand up, drive, climb, come down, sit"),
+    "view": (
+        "m4_dynamics.cli.view",
+        "look at a run, a posture or a cell of a map in 3D, served or as one file",
+    ),
     "inspect": ("m4_dynamics.cli.inspect", "show what a robot description holds and what is wrong with it"),
     "reduce": ("m4_dynamics.cli.reduce", "reduce the full model to the planar pendulum and show the residual"),
     "trim": ("m4_dynamics.cli.trim", "list the equilibria on a slope with their margins"),

@@ -4,9 +4,32 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-__all__ = ["add_arguments", "run"]
+if TYPE_CHECKING:
+    from m4_dynamics.robot.robot import Robot
+    from m4_dynamics.simulation.climb import ClimbResult
+
+__all__ = ["SimulatedCell", "add_arguments", "run", "simulate_cell"]
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedCell:
+    """A cell of a map, simulated again.
+
+    Attributes:
+        robot: The robot.
+        result: What came of it.
+        place: Which cell it is, in words.
+        folder_name: A name for its results.
+    """
+
+    robot: Robot
+    result: ClimbResult
+    place: str
+    folder_name: str
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +41,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--start", type=int, default=0, metavar="N", help="number of the start (default: 0)")
     parser.add_argument("--robot", metavar="ROBOT", help="the map's robot, if it is not the bundled M4")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the run (default: one inside the map's)")
+
+
+def simulate_cell(
+    folder: Path, *, slope_deg: float, thrust: float, friction: float | None, start: int, robot: str | None
+) -> SimulatedCell:
+    """Simulate a cell from the start that it had.
+
+    Args:
+        folder: Folder of the closed-loop map.
+        slope_deg: The cell nearest to this slope [deg].
+        thrust: Nearest to this thrust [N].
+        friction: Nearest to this friction; None takes the first.
+        start: Number of the start.
+        robot: The map's robot, if it is not the bundled M4.
+
+    Returns:
+        The cell.
+
+    Raises:
+        M4Error: There is no such map or cell, the robot is another one, or the cell has no equilibrium to start from.
+    """
+    from m4_dynamics.cli.map_options import STORE, command_line
+    from m4_dynamics.feasibility.closed_loop import job_of_store
+    from m4_dynamics.feasibility.rollout import nearest_cell, replay_cell
+    from m4_dynamics.feasibility.store import open_store
+    from m4_dynamics.robot.loading import load_robot
+
+    loaded = load_robot(robot)
+    job = job_of_store(open_store(folder / STORE), loaded)
+    index = nearest_cell(job, slope=math.radians(slope_deg), thrust=thrust, friction=friction, start=start)
+    axes = job.grid.axes
+    there = math.degrees(float(axes["slope"][index.slope])), float(axes["thrust"][index.thrust])
+    ground = float(axes["friction"][index.friction])
+    return SimulatedCell(
+        robot=loaded,
+        result=replay_cell(job, index, attributes={"command": command_line()}),
+        place=f"cell at {there[0]:g} deg, {there[1]:g} N, friction {ground:g}, start {index.start}",
+        folder_name=f"cell-{there[0]:g}-{there[1]:g}-{ground:g}-{index.start}",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -33,31 +95,20 @@ def run(args: argparse.Namespace) -> int:
         M4Error: There is no such map or cell, the robot is another one, or the cell has no equilibrium to start from.
     """
     from m4_dynamics.cli.main import EXIT_OK
-    from m4_dynamics.cli.map_options import STORE, command_line
     from m4_dynamics.cli.results import make_folder, write_run
-    from m4_dynamics.feasibility.closed_loop import job_of_store
-    from m4_dynamics.feasibility.rollout import nearest_cell, replay_cell
-    from m4_dynamics.feasibility.store import open_store
-    from m4_dynamics.robot.loading import load_robot
     from m4_dynamics.view.climb_tables import climb_table
     from m4_dynamics.view.tables import make_console, print_note, print_tables
 
-    robot = load_robot(args.robot)
-    job = job_of_store(open_store(args.map / STORE), robot)
-    index = nearest_cell(
-        job, slope=math.radians(args.slope), thrust=args.thrust, friction=args.friction, start=args.start
+    cell = simulate_cell(
+        args.map, slope_deg=args.slope, thrust=args.thrust, friction=args.friction, start=args.start, robot=args.robot
     )
-    axes = job.grid.axes
-    slope, thrust = math.degrees(float(axes["slope"][index.slope])), float(axes["thrust"][index.thrust])
-    friction = float(axes["friction"][index.friction])
-    place = f"cell-{slope:g}-{thrust:g}-{friction:g}-{index.start}"
-    folder = args.out if args.out is not None else args.map / place
-    result = replay_cell(job, index, attributes={"command": command_line()})
+    summary = cell.result.summary
+    folder = args.out if args.out is not None else args.map / cell.folder_name
     make_folder(folder)
-    written = write_run(result.dataset, result.summary.as_dict(), robot, folder, with_viewer=True)
+    written = write_run(cell.result.dataset, summary.as_dict(), cell.robot, folder, with_viewer=True)
     console = make_console()
-    print_tables(console, [climb_table(result.summary)])
-    print_note(console, f"cell at {slope:g} deg, {thrust:g} N, friction {friction:g}, start {index.start}")
-    print_note(console, f"{result.summary.verdict}: {result.summary.reason}")
+    print_tables(console, [climb_table(summary)])
+    print_note(console, cell.place)
+    print_note(console, f"{summary.verdict}: {summary.reason}")
     print_note(console, "written: " + ", ".join(str(path) for path in written))
     return EXIT_OK

@@ -250,7 +250,7 @@ def make_attraction_job(robot: Robot, grid: AttractionGrid, settings: Attraction
         yaw_error=0.0,
     )
     climb = prepare_climb(robot, standing)
-    stand = Stand(robot, climb.reduction, climb.trim, climb.reference, standing, settings.plant)
+    stand = Stand(robot.without_visuals(), climb.reduction, climb.trim, climb.reference, standing, settings.plant)
     return AttractionJob(stand, grid, settings)
 
 

@@ -44,7 +44,9 @@ def make_job(robot: Robot, grid: MapGrid, settings: RolloutSettings) -> RolloutJ
     """
     if grid.posture_joints:
         raise InvalidSettingError("posture_angle", "an axis", "a static map for postures")
-    return RolloutJob(robot, reduce_robot(robot), dataclasses.replace(grid, speed=settings.speed), settings)
+    return RolloutJob(
+        robot.without_visuals(), reduce_robot(robot), dataclasses.replace(grid, speed=settings.speed), settings
+    )
 
 
 def job_of_store(store: SweepStore, robot: Robot) -> RolloutJob:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+import coal
 import numpy as np
 import pinocchio as pin
 from lxml import etree
@@ -170,8 +171,11 @@ def _read_urdf(urdf: Path) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryMo
     package_dirs = [str(folder) for folder in urdf.resolve().parents]
     try:
         model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
-        collision_model = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.COLLISION, None, package_dirs)
-        visual_model = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.VISUAL, None, package_dirs)
+        meshes = coal.CachedMeshLoader(coal.NODE_TYPE.BV_OBBRSS)  # reads a mesh once, however many bodies share it
+        collision_model, visual_model = (
+            pin.buildGeomFromUrdf(model, str(urdf), kind, None, package_dirs, meshes)
+            for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL)
+        )
     except (ValueError, RuntimeError) as error:
         from m4_dynamics.robot.diagnosis import diagnose_urdf
 

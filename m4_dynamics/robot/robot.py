@@ -7,7 +7,7 @@ link. All units are SI.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -251,6 +251,10 @@ class Robot:
         """Travel to another process; read-only mappings cannot, so they are made anew there."""
         values = [getattr(self, item.name) for item in fields(self)]
         return _robot_from_values, tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in values)
+
+    def without_visuals(self) -> Robot:
+        """The robot without its visual geometry, whose meshes are megabytes in a pickle, for those who draw nothing."""
+        return replace(self, visual_model=pin.GeometryModel())
 
     @property
     def mass(self) -> float:

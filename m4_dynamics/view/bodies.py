@@ -8,6 +8,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from m4_dynamics.robot.robot import Robot, Wheel
+from m4_dynamics.view.shading import crease_normals
 from m4_dynamics.view.three import (
     Command,
     Material,
@@ -29,34 +30,39 @@ ROOT = "/robot"
 _MARK_COLOUR = "#F4F1EA"
 
 
-def joint_path(robot: Robot, joint_id: int) -> str:
+def joint_path(robot: Robot, joint_id: int, *, root: str = ROOT) -> str:
     """Path of the node that moves with a joint; joint 0 is the world's."""
-    return f"{ROOT}/{_clean(robot.model.names[joint_id])}"
+    return f"{root}/{_clean(robot.model.names[joint_id])}"
 
 
-def robot_commands(robot: Robot) -> list[Command]:
+def robot_commands(robot: Robot, *, root: str = ROOT, material: Material | None = None) -> list[Command]:
     """Commands that build the robot's bodies; whoever shows a posture or a motion places the joints.
 
     Args:
         robot: The robot.
+        root: Node of the robot.
+        material: How all of it looks; None takes the colours of its description.
 
     Returns:
         The commands: per geometry its shape and its fixed placement in its joint, and a mark on plain wheels.
     """
     commands: list[Command] = []
-    for geometry in robot.visual_model.geometryObjects:
-        shape = shape_of(geometry.geometry)
+    shapes: dict[tuple[str, bytes], Shape | None] = {}  # of meshes, by file and scale: wheels share theirs
+    for geometry in _bodies(robot):
+        key = (geometry.meshPath, np.asarray(geometry.meshScale).tobytes())
+        shape = shapes.get(key) or shape_of(geometry.geometry)
+        if geometry.meshPath and isinstance(geometry.geometry, coal.BVHModelBase):
+            shapes[key] = shape
         if shape is None:
             continue  # a plane, half-space or point cloud has no body to show
-        path = f"{joint_path(robot, geometry.parentJoint)}/{_clean(geometry.name)}"
+        path = f"{joint_path(robot, geometry.parentJoint, root=root)}/{_clean(geometry.name)}"
         colour = geometry.meshColor
-        flat = shape.data["type"] == "BufferGeometry"
-        material = Material(colour=hex_colour(colour), opacity=float(colour[3]), flat=flat)
-        commands.append(set_object(path, shape, material))
+        own = Material(colour=hex_colour(colour), opacity=float(colour[3]))
+        commands.append(set_object(path, shape, own if material is None else material))
         commands.append(set_transform(path, geometry.placement.homogeneous))
     for wheel in robot.wheels:
         if _looks_still(robot, wheel):
-            commands.extend(_spin_mark(robot, wheel))
+            commands.extend(_spin_mark(robot, wheel, root))
     return commands
 
 
@@ -82,7 +88,10 @@ def shape_of(geometry: coal.CollisionGeometry) -> Shape | None:
     if isinstance(geometry, coal.Cone):
         return cone(geometry.radius, 2.0 * geometry.halfLength)
     arrays = mesh_arrays(geometry)
-    return None if arrays is None else mesh(*arrays)
+    if arrays is None:
+        return None
+    vertices, normals, triangles = crease_normals(*arrays)
+    return mesh(vertices, triangles, normals=normals)
 
 
 def mesh_arrays(geometry: coal.CollisionGeometry) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
@@ -118,7 +127,12 @@ def _clean(name: str) -> str:
 
 
 def _geometries_of(robot: Robot, wheel: Wheel) -> list[pin.GeometryObject]:
-    return [one for one in robot.visual_model.geometryObjects if one.parentJoint == wheel.joint_id]
+    return [one for one in _bodies(robot) if one.parentJoint == wheel.joint_id]
+
+
+def _bodies(robot: Robot) -> list[pin.GeometryObject]:
+    """What there is to see of a robot: what its description shows, or else what collides."""
+    return list(robot.visual_model.geometryObjects) or list(robot.collision_model.geometryObjects)
 
 
 def _looks_still(robot: Robot, wheel: Wheel) -> bool:
@@ -135,7 +149,7 @@ def _looks_still(robot: Robot, wheel: Wheel) -> bool:
     return True
 
 
-def _spin_mark(robot: Robot, wheel: Wheel) -> list[Command]:
+def _spin_mark(robot: Robot, wheel: Wheel, root: str) -> list[Command]:
     """A light bar across both faces of a wheel, so that the eye sees it turn."""
     axis = wheel.axis_in_joint
     half_width = 0.1 * wheel.radius
@@ -150,6 +164,6 @@ def _spin_mark(robot: Robot, wheel: Wheel) -> list[Command]:
     across /= np.linalg.norm(across)
     placement = np.eye(4)
     placement[:3, :3] = np.column_stack([across, np.cross(axis, across), axis])
-    path = f"{joint_path(robot, wheel.joint_id)}/spin_mark"
+    path = f"{joint_path(robot, wheel.joint_id, root=root)}/spin_mark"
     bar = box((1.5 * wheel.radius, 0.14 * wheel.radius, 2.0 * half_width + 0.004))
     return [set_object(path, bar, Material(colour=_MARK_COLOUR)), set_transform(path, placement)]

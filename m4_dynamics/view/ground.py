@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from m4_dynamics.errors import InvalidSettingError
-from m4_dynamics.view.three import Command, Material, Shape, mesh, set_object
+from m4_dynamics.view.three import Command, Material, Shape, mesh, set_object, set_property
 
 __all__ = ["TILE_LENGTH", "clip_profile", "ground_commands", "tile_profile"]
 
@@ -54,7 +54,12 @@ def ground_commands(profile: NDArray[np.float64], *, half_width: float = 0.75) -
     """
     surface = set_object(f"{ROOT}/surface", _chequered(profile, half_width), Material(vertex_colours=True, flat=True))
     slab = set_object(f"{ROOT}/slab", _slab(profile, half_width), Material(colour=_FLANK, flat=True))
-    return [surface, slab]
+    # It throws no shadow, least of all on itself.
+    return [
+        surface,
+        slab,
+        *(set_property(f"{ROOT}/{one}/<object>", "castShadow", False) for one in ("surface", "slab")),
+    ]
 
 
 def tile_profile(

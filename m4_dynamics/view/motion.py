@@ -23,19 +23,21 @@ class Motion:
         position: Positions, shape (n, 3) [m], or None for a node that is not moved.
         quaternion: Rotations (x, y, z, w), shape (n, 4), or None for a node that doesn't turn.
         scale: Factors along the node's own axes, shape (n, 3), or None for a node of constant size.
+        times: Its own instants, from zero to the scene's end, shape (n,) [s], or None for those of the scene.
     """
 
     path: str
     position: NDArray[np.float64] | None = None
     quaternion: NDArray[np.float64] | None = None
     scale: NDArray[np.float64] | None = None
+    times: NDArray[np.float64] | None = None
 
 
 def animation_command(motions: Sequence[Motion], times: NDArray[np.float64], frames_per_second: float) -> Command:
     """One command that plays all motions together, over and over.
 
     Args:
-        motions: The motions, all over the same instants.
+        motions: The motions, all over the same instants but for those that have their own.
         times: The instants, from zero on, shape (n,) [s].
         frames_per_second: Rate that the viewer shows [1/s]; the tracks are timed in these frames.
 
@@ -43,6 +45,7 @@ def animation_command(motions: Sequence[Motion], times: NDArray[np.float64], fra
         The command.
     """
     frames = typed_array(times * frames_per_second)
+    ends = typed_array(times[[0, -1]] * frames_per_second)
     animations = []
     for motion in motions:
         tracks: list[dict[str, Any]] = []
@@ -52,7 +55,13 @@ def animation_command(motions: Sequence[Motion], times: NDArray[np.float64], fra
             ("scale", "vector3", motion.scale),
         ):
             if values is not None:
-                tracks.append({"name": f".{name}", "type": kind, "times": frames, "values": typed_array(values)})
+                if (values == values[0]).all():  # nothing moves: its two ends say so
+                    key_times, key_values = ends, typed_array(values[[0, -1]])
+                elif motion.times is not None:
+                    key_times, key_values = typed_array(motion.times * frames_per_second), typed_array(values)
+                else:
+                    key_times, key_values = frames, typed_array(values)
+                tracks.append({"name": f".{name}", "type": kind, "times": key_times, "values": key_values})
         animations.append(
             {"path": motion.path, "clip": {"fps": frames_per_second, "name": "default", "tracks": tracks}}
         )

@@ -5,21 +5,14 @@ The page is put together from the viewer's own program and packed commands; no s
 
 from __future__ import annotations
 
-import base64
-import html
-import importlib.util
-import json
-from collections.abc import Sequence
-from importlib import resources
+from dataclasses import asdict
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
 import xarray
 from numpy.typing import ArrayLike
 
-from m4_dynamics.errors import ResultFileError
 from m4_dynamics.output import replacing
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.view.arrows import round_scale
@@ -27,28 +20,18 @@ from m4_dynamics.view.bodies import joint_path
 from m4_dynamics.view.frames import Frames, sample_frames
 from m4_dynamics.view.friction import friction_use_in_plane, worst_wheel
 from m4_dynamics.view.ground import TILE_LENGTH, clip_profile
-from m4_dynamics.view.motion import animation_command, motion_matrix
+from m4_dynamics.view.motion import animation_command
+from m4_dynamics.view.offline_page import camera_facts, offline_page, rounded
+from m4_dynamics.view.overlays import legend_entries, overlays_of
 from m4_dynamics.view.phases import balancing_samples, phases_of
-from m4_dynamics.view.scene import (
-    COM_COLOUR,
-    CONTACT_COLOUR,
-    THRUST_COLOUR,
-    Bounds,
-    scene_bounds,
-    scene_commands,
-    scene_motions,
-)
+from m4_dynamics.view.scene import Bounds, placing_commands, scene_bounds, scene_commands, scene_motions
 from m4_dynamics.view.style import run_facts
-from m4_dynamics.view.three import Command, pack, set_transform
 
 __all__ = ["replay_html", "write_replay_html"]
 
 _GROUND_MARGIN = 0.6  # [m] of ground shown before and behind the robot's way
 _FOLLOWED_FROM = 2.5  # [m] a longer way is shown by following the robot
-_VIEW_DIRECTION = (-0.42, -1.0, 0.36)  # from the way's middle to the camera: beside it, a little downhill and above
-_FIELD_OF_VIEW = 30.0  # [deg] vertical
-# Nothing may be fetched from anywhere; what runs is in the page.
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+_VIEW_DIRECTION = (-0.34, -1.0, 0.36)  # from the way's middle to the camera: beside it, a little downhill and above
 
 
 def write_replay_html(
@@ -93,7 +76,8 @@ def replay_html(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: flo
     """
     frames = sample_frames(dataset, robot, frames_per_second=frames_per_second)
     metres_per_newton = round_scale([*frames.contact_force.values(), *frames.thrust_force.values()])
-    motions = scene_motions(robot, frames, metres_per_newton=metres_per_newton)
+    overlays = overlays_of(dataset, robot, frames)
+    motions = scene_motions(robot, frames, overlays, metres_per_newton=metres_per_newton)
     bounds = scene_bounds(motions, robot)
     profile = clip_profile(
         dataset["terrain_x"].values,
@@ -101,23 +85,20 @@ def replay_html(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: flo
         low=bounds.low[0] - _GROUND_MARGIN,
         high=bounds.high[0] + _GROUND_MARGIN,
     )
-    commands = scene_commands(robot, profile, bounds)
-    commands += [set_transform(motion.path, motion_matrix(motion, 0)) for motion in motions]
+    commands = scene_commands(robot, profile, bounds, frames, overlays)
+    commands += placing_commands(motions)
     commands.append(animation_command(motions, frames.elapsed, frames_per_second))
-    return _page(
+    return offline_page(
         title=_title(dataset, robot),
         commands=commands,
         facts={
             "conditions": [fact for fact in run_facts(dataset) if not fact.startswith("mission ")],
-            "legend": [
-                {"kind": "arrow", "colour": THRUST_COLOUR, "text": "thrust on the robot"},
-                {"kind": "arrow", "colour": CONTACT_COLOUR, "text": "ground on a wheel"},
-                {"kind": "dot", "colour": COM_COLOUR, "text": "centre of mass"},
-            ],
+            "labels": [],
+            "legend": [asdict(entry) for entry in legend_entries(robot, overlays)],
             "scale": f"10 N: {1000.0 * metres_per_newton:.3g} cm, tiles: {100.0 * TILE_LENGTH:.3g} cm",
             "frames_per_second": frames_per_second,
-            "start_time": _rounded([frames.time[0]], 4)[0],
-            "times": _rounded(frames.elapsed, 4),
+            "start_time": rounded([frames.time[0]], 4)[0],
+            "times": rounded(frames.elapsed, 4),
             "readouts": _readouts(dataset, frames),
             "phases": _phases(dataset, frames),
             "camera": _camera(robot, bounds),
@@ -147,14 +128,9 @@ def _phases(dataset: xarray.Dataset, frames: Frames) -> list[dict[str, Any]]:
 
 def _camera(robot: Robot, bounds: Bounds) -> dict[str, Any]:
     length = float(np.linalg.norm(np.subtract(bounds.high, bounds.low)))
-    return {
-        "low": _rounded(bounds.low, 3),
-        "high": _rounded(bounds.high, 3),
-        "direction": _VIEW_DIRECTION,
-        "field_of_view": _FIELD_OF_VIEW,
-        "follow": length > _FOLLOWED_FROM,
-        "root": joint_path(robot, 1),
-    }
+    return camera_facts(
+        bounds.low, bounds.high, _VIEW_DIRECTION, follow=joint_path(robot, 1), following=length > _FOLLOWED_FROM
+    )
 
 
 def _readouts(dataset: xarray.Dataset, frames: Frames) -> list[dict[str, Any]]:
@@ -162,7 +138,7 @@ def _readouts(dataset: xarray.Dataset, frames: Frames) -> list[dict[str, Any]]:
     time = dataset["time"].values
 
     def at_frames(values: ArrayLike, digits: int) -> list[float | None]:
-        return _rounded(np.interp(frames.time, time, np.asarray(values, dtype=float)), digits)
+        return rounded(np.interp(frames.time, time, np.asarray(values, dtype=float)), digits)
 
     readouts: list[dict[str, Any]] = []
 
@@ -193,44 +169,3 @@ def _readouts(dataset: xarray.Dataset, frames: Frames) -> list[dict[str, Any]]:
         use = worst_wheel(np.asarray(dataset["friction_use"].values, dtype=float))
         show("with sideways", "%", 0, np.where(balancing, 100.0 * use, np.nan))
     return readouts
-
-
-def _rounded(values: ArrayLike, digits: int) -> list[float | None]:
-    """Numbers for JSON, which has no NaN: those become null."""
-    return [
-        round(float(one), digits) if np.isfinite(one) else None for one in np.ravel(np.asarray(values, dtype=float))
-    ]
-
-
-def _page(*, title: str, commands: Sequence[Command], facts: dict[str, Any]) -> str:
-    """Put the page together."""
-    folder = resources.files("m4_dynamics.view.page")
-    packed = [base64.b64encode(pack(command)).decode("ascii") for command in commands]
-    data = json.dumps({"commands": packed, **facts}, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    program, licences = _viewer_program()
-    return Template(folder.joinpath("replay.html").read_text(encoding="utf-8")).substitute(
-        title=html.escape(title),
-        policy=_POLICY,
-        licences=licences.replace("--", "- -"),
-        style=folder.joinpath("replay.css").read_text(encoding="utf-8"),
-        viewer=program,
-        # Inside a script element only "</" could end the data early.
-        data=data.replace("</", "<\\/"),
-        script=folder.joinpath("replay.js").read_text(encoding="utf-8"),
-    )
-
-
-def _viewer_program() -> tuple[str, str]:
-    """The text of meshcat's viewer and its licences; the package is found without importing it, which is slow."""
-    package = importlib.util.find_spec("meshcat")
-    if package is None or not package.submodule_search_locations:
-        raise ResultFileError("the replay page needs the Python package meshcat, which is not installed")
-    viewer = Path(package.submodule_search_locations[0]) / "viewer"
-    try:
-        program = (viewer / "dist" / "main.min.js").read_text(encoding="utf-8")
-        licences = [
-            (viewer / name).read_text(encoding="utf-8").strip() for name in ("LICENSE", "dist/main.min.js.LICENSE.txt")
-        ]
-    except OSError as error:
-        raise ResultFileError(f"meshcat's viewer cannot be read: {error}") from error
-    return program.replace("</script", "<\\/script"), "meshcat viewer\n\n" + "\n\n".join(licences)

@@ -7,7 +7,7 @@ them onto z.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,8 +24,12 @@ __all__ = [
     "cone",
     "cylinder",
     "ellipsoid",
+    "funnel",
     "mesh",
     "pack",
+    "pack_in_parts",
+    "ring",
+    "ring_about_z",
     "set_light",
     "set_object",
     "set_property",
@@ -39,6 +43,7 @@ Command = dict[str, Any]
 #: Turns three.js's y axis onto z.
 _Y_TO_Z: NDArray[np.float64] = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 _ROUND_SEGMENTS = 40
+_LONG = 256  # [bytes] arrays from here on may stand alone in a page
 # Codes of typed arrays in the MessagePack dialect of meshcat's viewer.
 _EXTENSION_CODES = {np.dtype(np.uint32): 0x16, np.dtype(np.float32): 0x17}
 
@@ -66,6 +71,7 @@ class Material:
         in_front: Drawn over everything else in its plain colour, so that nothing hides or shades it.
         flat: Faces are shaded as planes rather than smoothed.
         vertex_colours: The shape's vertices carry colours.
+        see_through: Hides nothing behind it and shows no light and shade, like coloured air.
     """
 
     colour: str = "#808080"
@@ -73,12 +79,13 @@ class Material:
     in_front: bool = False
     flat: bool = False
     vertex_colours: bool = False
+    see_through: bool = False
 
     def lower(self, identifier: str) -> dict[str, Any]:
         """The material as three.js reads it, under an identifier."""
         return {
             "uuid": identifier,
-            "type": "MeshBasicMaterial" if self.in_front else "MeshPhongMaterial",
+            "type": "MeshBasicMaterial" if self.in_front or self.see_through else "MeshPhongMaterial",
             # three.js multiplies the vertices' colours by the material's.
             "color": 0xFFFFFF if self.vertex_colours else int(self.colour.lstrip("#"), 16),
             "shininess": 12,
@@ -88,6 +95,7 @@ class Material:
             "transparent": self.opacity < 1.0 or self.in_front,
             "opacity": self.opacity,
             "depthTest": not self.in_front,
+            "depthWrite": not (self.in_front or self.see_through),
             "flatShading": self.flat,
             "vertexColors": self.vertex_colours,
         }
@@ -123,9 +131,9 @@ def ellipsoid(radii: Sequence[float]) -> Shape:
     return replace(sphere(1.0), matrix=np.diag([*radii, 1.0]))
 
 
-def cylinder(radius: float, length: float, *, base_at_origin: bool = False) -> Shape:
+def cylinder(radius: float, length: float, *, base_at_origin: bool = False, sides: int = _ROUND_SEGMENTS) -> Shape:
     """A cylinder along z; about the origin, or standing on it [m]."""
-    data = {"radiusTop": radius, "radiusBottom": radius, "height": length, "radialSegments": _ROUND_SEGMENTS}
+    data = {"radiusTop": radius, "radiusBottom": radius, "height": length, "radialSegments": sides}
     return _standing({"type": "CylinderGeometry", **data}, length, base_at_origin)
 
 
@@ -133,6 +141,12 @@ def cone(radius: float, length: float, *, base_at_origin: bool = False) -> Shape
     """A cone that points along z; about the middle of its height, or standing on the origin [m]."""
     data = {"radius": radius, "height": length, "radialSegments": _ROUND_SEGMENTS}
     return _standing({"type": "ConeGeometry", **data}, length, base_at_origin)
+
+
+def funnel(radius: float, height: float) -> Shape:
+    """The skin of a cone that opens along z, its tip at the origin; radius at the top [m]."""
+    data = {"radiusTop": radius, "radiusBottom": 1e-4 * radius, "height": height, "radialSegments": 48}
+    return _standing({"type": "CylinderGeometry", **data, "openEnded": True}, height, True)
 
 
 def capsule(radius: float, length: float) -> Shape:
@@ -144,18 +158,36 @@ def capsule(radius: float, length: float) -> Shape:
     return Shape({"type": "LatheGeometry", "points": points, "segments": _ROUND_SEGMENTS}, _Y_TO_Z)
 
 
-def mesh(vertices: ArrayLike, triangles: ArrayLike, colours: ArrayLike | None = None) -> Shape:
+def ring(radius: float, thickness: float) -> Shape:
+    """A torus about the y axis: mean radius and radius of its section [m]."""
+    data = {"radius": radius, "tube": thickness, "radialSegments": 10, "tubularSegments": 64}
+    return Shape({"type": "TorusGeometry", **data}, _Y_TO_Z)
+
+
+def ring_about_z(radius: float, thickness: float, *, height: float = 0.0) -> Shape:
+    """A torus about the z axis at a height; mean radius and radius of its section [m]."""
+    matrix = np.eye(4)
+    matrix[2, 3] = height
+    return replace(ring(radius, thickness), matrix=matrix)
+
+
+def mesh(
+    vertices: ArrayLike, triangles: ArrayLike, colours: ArrayLike | None = None, normals: ArrayLike | None = None
+) -> Shape:
     """A triangle mesh.
 
     Args:
         vertices: Points, shape (n, 3) [m].
         triangles: Indices of points, counter-clockwise seen from outside, shape (m, 3).
         colours: Linear RGB in [0, 1] of each vertex, shape (n, 3), or None.
+        normals: Unit normals of the vertices, shape (n, 3); None leaves them to the viewer.
 
     Returns:
-        The shape; the viewer finds the normals.
+        The shape.
     """
     attributes = {"position": _attribute(vertices, np.float32)}
+    if normals is not None:
+        attributes["normal"] = _attribute(normals, np.float32)
     if colours is not None:
         attributes["color"] = _attribute(colours, np.float32)
     index = typed_array(np.ravel(np.asarray(triangles)), np.uint32)
@@ -206,6 +238,38 @@ def set_property(path: str, name: str, value: object) -> Command:
 def pack(command: Command) -> bytes:
     """The command in the bytes that the viewer reads; numbers are rounded to single precision."""
     return bytes(umsgpack.packb(command, force_float_precision="single"))
+
+
+def pack_in_parts(command: Command) -> list[bytes]:
+    """The same bytes, cut so that whatever is long and may come again stands alone: meshes, instants.
+
+    Args:
+        command: The command.
+
+    Returns:
+        Parts that make up `pack(command)` when they are joined.
+    """
+    whole = pack(command)
+    parts, place = [], 0
+    for array in _long_arrays(command):
+        packed = bytes(umsgpack.packb(array))
+        start = whole.index(packed, place)
+        parts += [whole[place:start], packed]
+        place = start + len(packed)
+    return [part for part in [*parts, whole[place:]] if part]
+
+
+def _long_arrays(value: object) -> Iterator[umsgpack.Ext]:
+    """Typed arrays within a command, in the order in which they are packed."""
+    if isinstance(value, umsgpack.Ext):
+        if len(value.data) >= _LONG:
+            yield value
+    elif isinstance(value, dict):
+        for item in value.values():
+            yield from _long_arrays(item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from _long_arrays(item)
 
 
 def _columns(matrix: NDArray[np.float64]) -> list[float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -65,8 +66,15 @@ def test_json_holds_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert description["findings"] == []
 
 
-def test_bare_urdf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    urdf = tmp_path / "bare.urdf"
+@pytest.fixture
+def with_meshes(tmp_path: Path) -> Path:
+    """A folder with M4's meshes, for changed copies of its URDF."""
+    shutil.copytree(bundled_description().with_name("meshes"), tmp_path / "meshes")
+    return tmp_path
+
+
+def test_bare_urdf(with_meshes: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    urdf = with_meshes / "bare.urdf"
     urdf.write_text(bundled_description().with_name("m4.urdf").read_text())
     assert main(["inspect", str(urdf), "--json"]) == 0
     description = json.loads(capsys.readouterr().out)
@@ -77,10 +85,10 @@ def test_bare_urdf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.fixture
-def broken(tmp_path: Path) -> Path:
+def broken(with_meshes: Path) -> Path:
     """A URDF that no reader takes."""
     text = bundled_description().with_name("m4.urdf").read_text()
-    path = tmp_path / "broken.urdf"
+    path = with_meshes / "broken.urdf"
     old = '<joint name="front_left_wheel" type="continuous">'
     assert old in text
     path.write_text(text.replace(old, '<joint name="front_left_wheel" type="rolling">'))
@@ -105,11 +113,11 @@ def test_broken_urdf_in_json(broken: Path, capfd: pytest.CaptureFixture[str]) ->
     assert {finding["severity"] for finding in description["findings"]} >= {"error"}
 
 
-def test_inertia_that_pinocchio_takes_silently(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_inertia_that_pinocchio_takes_silently(with_meshes: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = bundled_description().with_name("m4.urdf").read_text()
     old = 'ixx="0.00105" ixy="0" ixz="0" iyy="0.002"'
     assert old in text
-    urdf = tmp_path / "odd.urdf"
+    urdf = with_meshes / "odd.urdf"
     urdf.write_text(text.replace(old, 'ixx="0.00105" ixy="0" ixz="0" iyy="0.02"', 1))
     assert main(["inspect", str(urdf)]) == 0
     out = capsys.readouterr().out

@@ -18,7 +18,11 @@ import m4_dynamics
 ROOT = Path(__file__).resolve().parents[2]
 RELEASE = f"m4_dynamics-{m4_dynamics.__version__}"
 # Whatever lies in urdf/ must be installed, except the scripts that write it.
-DESCRIPTION = {path.name for path in (ROOT / "urdf").iterdir() if path.is_file() and path.suffix != ".py"}
+DESCRIPTION = {
+    path.relative_to(ROOT / "urdf").as_posix()
+    for path in (ROOT / "urdf").rglob("*")
+    if path.is_file() and "__pycache__" not in path.parts and path.suffix != ".py"
+}
 
 
 def build(source: Path, target: str, folder: Path) -> Path:
@@ -41,10 +45,11 @@ def sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_holds_code_marker_and_descriptions(wheel: Path) -> None:
-    assert {"m4.urdf", "m4.srdf", "m4.toml"} <= DESCRIPTION
+    assert {"m4.urdf", "m4.srdf", "m4.toml", "meshes/tyre.obj"} <= DESCRIPTION
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
-        assert {name.split("/")[-1] for name in names if name.startswith("m4_dynamics/urdf/")} == DESCRIPTION
+        installed = "m4_dynamics/urdf/"
+        assert {name.removeprefix(installed) for name in names if name.startswith(installed)} == DESCRIPTION
         for file in DESCRIPTION:
             assert archive.read(f"m4_dynamics/urdf/{file}") == (ROOT / "urdf" / file).read_bytes()
     modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / "m4_dynamics").rglob("*.py")}
@@ -77,7 +82,9 @@ def test_the_installed_package_works_elsewhere(wheel: Path, tmp_path: Path) -> N
         archive.extractall(site)  # a pure wheel is installed by unpacking it
     script = (
         "import m4_dynamics.cli.main as m; from m4_dynamics.robot.loading import load_robot; robot = load_robot();"
-        "print(m.__file__, *robot.files.values(), f'{robot.mass:.3f}', sep='\\n'); m.main(['--help'])"
+        "bodies = robot.visual_model.geometryObjects; meshes = {body.meshPath for body in bodies};"
+        "print(m.__file__, *robot.files.values(), f'{robot.mass:.3f}', sep='\\n');"
+        "print(*sorted(meshes), sep='\\n'); m.main(['--help'])"
     )
     result = subprocess.run(
         [sys.executable, "-c", script],
@@ -91,6 +98,10 @@ def test_the_installed_package_works_elsewhere(wheel: Path, tmp_path: Path) -> N
     assert all(Path(file).is_relative_to(site / "m4_dynamics" / "urdf") for file in files)
     assert Path(code).is_relative_to(site)
     assert mass == "6.000"
+    meshes = [line for line in result.stdout.splitlines() if line.endswith(".obj")]
+    assert {Path(mesh).relative_to(site / "m4_dynamics" / "urdf").as_posix() for mesh in meshes} == {
+        file for file in DESCRIPTION if file.endswith(".obj")
+    }
     assert "usage: m4" in result.stdout
 
 

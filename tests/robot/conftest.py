@@ -22,4 +22,5 @@ def m4_copy(tmp_path: Path) -> Path:
     """A copy of the bundled robot's three files, to be broken; the path of its TOML description."""
     for suffix in (".toml", ".urdf", ".srdf"):
         shutil.copy(bundled_description().with_suffix(suffix), tmp_path)
+    shutil.copytree(bundled_description().with_name("meshes"), tmp_path / "meshes")
     return tmp_path / "m4.toml"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import subprocess
 import sys
@@ -25,6 +26,58 @@ def test_urdf_is_what_its_generator_writes(tmp_path: Path) -> None:
     written = tmp_path / "written.urdf"
     subprocess.run([sys.executable, str(script), "--output", str(written)], check=True, capture_output=True)
     assert bundled_description().with_name("m4.urdf").read_text(encoding="utf-8") == written.read_text(encoding="utf-8")
+
+
+def test_meshes_are_what_their_generator_writes(tmp_path: Path) -> None:
+    folder = bundled_description().parent
+    script = folder / "generate_meshes.py"
+    if not script.is_file():
+        pytest.skip("the generator is not part of an installed package")
+    subprocess.run([sys.executable, str(script), "--output", str(tmp_path)], check=True, capture_output=True)
+    committed = {path.name: path.read_bytes() for path in (folder / "meshes").iterdir()}
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == committed
+    assert sum(map(len, committed.values())) < 300e3
+
+
+def test_every_mesh_is_used(m4: Robot) -> None:
+    used = {Path(body.meshPath) for body in m4.visual_model.geometryObjects}
+    assert used == set((bundled_description().parent.resolve() / "meshes").iterdir())
+
+
+def box_of(model: pin.GeometryModel, joint: int) -> np.ndarray:
+    """The box around all that moves with a joint, in the joint's axes: its low and its high corner, shape (2, 3)."""
+    corners = []
+    for body in model.geometryObjects:
+        if body.parentJoint == joint:
+            body.geometry.computeLocalAABB()
+            local = body.geometry.aabb_local
+            ends = np.array([local.min_, local.max_])
+            for corner in itertools.product((0, 1), repeat=3):
+                corners.append(body.placement.act(ends[corner, range(3)]))
+    return np.array([np.min(corners, axis=0), np.max(corners, axis=0)])
+
+
+def test_meshes_fill_the_collision_shapes(m4: Robot) -> None:
+    """What is seen is what collides: no link's meshes stand out by more than a knuckle or leave its shapes empty."""
+    for joint in range(1, m4.model.njoints):
+        name = m4.model.names[joint]
+        seen, solid = box_of(m4.visual_model, joint), box_of(m4.collision_model, joint)
+        # The legs' boxes end 15 mm short of the hip axis, where the plates have their round knuckles, 20 mm in radius.
+        allowed = 0.036 if name.endswith("sagittal") else 0.010 if name.endswith("frontal") else 0.002
+        np.testing.assert_allclose(seen, solid, atol=allowed, err_msg=name)
+
+
+def test_colours_tell_front_from_rear_and_pushing_from_idle_propellers(m4: Robot) -> None:
+    assert m4.balance is not None
+    colours: dict[str, dict[str, set[tuple[float, ...]]]] = {}
+    for body in m4.visual_model.geometryObjects:
+        joint = str(m4.model.names[body.parentJoint])
+        part = Path(body.meshPath).stem
+        colours.setdefault(part, {}).setdefault(joint.split("_")[0], set()).add(tuple(body.meshColor))
+    for part in ("shroud", "sagittal_leg", "frontal_bracket", "propeller"):
+        assert len(colours[part]["front"]) == len(colours[part]["rear"]) == 1
+        assert colours[part]["front"] != colours[part]["rear"], part
+    assert all(frame.startswith("front") for frame in m4.balance.thrusters)
 
 
 def test_thirteen_bodies_weigh_six_kilograms(m4: Robot) -> None:

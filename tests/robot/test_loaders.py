@@ -42,7 +42,7 @@ def test_pinocchio() -> None:
 
 def test_drake(require_peer: Callable[[str], Any], request: pytest.FixtureRequest) -> None:
     require_peer("pydrake")
-    from pydrake.geometry import SceneGraph
+    from pydrake.geometry import Role, SceneGraph
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import MultibodyPlant
 
@@ -53,6 +53,8 @@ def test_drake(require_peer: Callable[[str], Any], request: pytest.FixtureReques
     Parser(plant).AddModels(str(URDF))
     plant.Finalize()
     assert plant.num_velocities() == 18
+    inspector = scene.model_inspector()
+    assert inspector.NumGeometriesWithRole(Role.kPerception) == 35
     assert plant.CalcTotalMass(plant.CreateDefaultContext()) == pytest.approx(6.0, abs=1e-9)
 
 
@@ -64,6 +66,15 @@ def test_mujoco(require_peer: Callable[[str], Any], request: pytest.FixtureReque
     assert model.ngeom > 0
 
 
+def test_mujoco_finds_the_meshes_if_it_is_to_show_them(require_peer: Callable[[str], Any], tmp_path: Path) -> None:
+    mujoco = require_peer("mujoco")
+    text = URDF.read_text(encoding="utf-8").replace("<compiler ", '<compiler discardvisual="false" ')
+    shown = tmp_path / "m4.urdf"
+    shown.write_text(text, encoding="utf-8")
+    (tmp_path / "meshes").symlink_to(URDF.parent / "meshes")
+    assert mujoco.MjModel.from_xml_path(str(shown)).nmesh == len(list((URDF.parent / "meshes").iterdir()))
+
+
 def test_yourdfpy(request: pytest.FixtureRequest) -> None:
     import yourdfpy
 
@@ -71,6 +82,7 @@ def test_yourdfpy(request: pytest.FixtureRequest) -> None:
     urdf = yourdfpy.URDF.load(str(URDF))
     assert urdf.validate()
     assert urdf.num_actuated_joints == 12
+    assert len(urdf.scene.geometry) == 35
 
 
 def test_check_urdf() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
@@ -177,6 +178,18 @@ def browser() -> Iterator[Any]:
             _no_browser(f"{program} does not start: {error.message.splitlines()[0]}")
         yield running
         running.close()
+
+
+@pytest.fixture(scope="session")
+def keep_picture() -> Callable[[Any, str], None]:
+    """Keeps a screenshot of a page in a folder for whoever wants to look at it after the tests; it is not tracked."""
+    folder = Path(os.environ.get("M4_ARTIFACTS", Path(__file__).parents[2] / "artifacts")) / "browser"
+
+    def keep(page: Any, name: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=folder / f"{name}.png")
+
+    return keep
 
 
 def _no_browser(reason: str) -> NoReturn:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import io
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,10 @@ import xarray
 from PIL import Image
 
 from m4_dynamics.robot.robot import Robot
+from m4_dynamics.view.gallery import posture_html, write_posture_html
 from m4_dynamics.view.phases import phases_of
 from m4_dynamics.view.replay import write_replay_html
+from m4_dynamics.view.serving import PageServer
 
 # A slow machine draws a few frames a second, so tests wait for frames, not for a time.
 FRAMES = """() => new Promise((done) => {
@@ -59,7 +62,8 @@ class Opened:
         self.page.on("pageerror", lambda error: self.messages.append(f"error: {error}"))
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.goto(path.as_uri())
-        self.page.wait_for_function("() => viewer.animator.time > 0.05")
+        # A gallery of postures does not move.
+        self.page.wait_for_function("() => !moving || viewer.animator.time > 0.05")
 
     def seek(self, time: float) -> None:
         self.page.evaluate("(time) => seek(time)", time)
@@ -78,9 +82,16 @@ class Opened:
         self.page.evaluate("viewer.set_dirty()")
         self.settle()
 
+    def tick(self, entry: str) -> None:
+        """Switch an entry of the legend by keyboard."""
+        box = self.page.get_by_label(entry, exact=True)
+        box.focus()
+        box.press("Space")
+        self.settle()
+
     def picture(self) -> np.ndarray:
         """The canvas alone, without words and controls."""
-        self.page.add_style_tag(content=".card, .dg { visibility: hidden !important }")
+        self.page.add_style_tag(content=".card, .label { opacity: 0 } .dg { visibility: hidden !important }")
         return np.asarray(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB"), dtype=int)
 
 
@@ -111,8 +122,16 @@ def same_points(first: np.ndarray, second: np.ndarray) -> float:
     return float(max(distance.min(axis=0).max(), distance.min(axis=1).max()))
 
 
-def test_page_loads_in_silence_and_offline(opened: Opened, file: Path) -> None:
-    opened.settle()
+def changed(first: np.ndarray, second: np.ndarray, least: int = 24) -> np.ndarray:
+    """Pixels that differ."""
+    return np.abs(first - second).max(axis=2) > least
+
+
+def test_page_loads_in_silence_and_offline(
+    opened: Opened, file: Path, keep_picture: Callable[[Any, str], None]
+) -> None:
+    opened.seek(2.0)
+    keep_picture(opened.page, "replay")
     assert opened.messages == []
     assert [url for url in opened.requests if not url.startswith(("data:", "blob:"))] == [file.as_uri()]
 
@@ -235,6 +254,117 @@ def test_arrows_are_seen_and_idle_ones_are_not(opened: Opened, robot: Robot) -> 
         assert (np.abs(drawn - np.array(colour)).max(axis=1) < 12).sum() > 100
 
 
+def test_every_entry_of_the_legend_switches_what_it_names(opened: Opened) -> None:
+    page = opened.page
+    opened.seek(2.0)
+    boxes = page.locator("#legend input")
+    names = [name.strip() for name in page.locator("#legend label").all_inner_texts()]
+    assert len(names) == boxes.count() == 7
+    before = [boxes.nth(order).is_checked() for order in range(7)]
+    assert before == [name not in ("reduced model", "reference") for name in names]
+    for name, shown in zip(names, before, strict=True):
+        first = opened.picture()
+        opened.tick(name)
+        assert page.get_by_label(name, exact=True).is_checked() != shown
+        second = opened.picture()
+        assert changed(first, second).sum() > 60, name
+        opened.tick(name)
+        assert changed(first, opened.picture()).sum() < 20, name  # as before
+    assert viewer_time(opened) == pytest.approx(2.0)  # the space bar meant the box, not the playback
+    assert opened.messages == []
+
+
+def viewer_time(opened: Opened) -> float:
+    return float(opened.page.evaluate("viewer.animator.time"))
+
+
+def test_cones_are_green_air_around_the_arrows(opened: Opened) -> None:
+    opened.seek(2.0)
+    with_cones = opened.picture()
+    opened.tick("friction cone")
+    without = opened.picture()
+    seen = changed(with_cones, without, 8)
+    assert seen.sum() > 4000
+    # They colour what is behind and hide none of it: every pixel goes some way towards green.
+    shift = (with_cones - without)[seen]
+    assert (shift[:, 1] - shift[:, 0]).mean() > 15
+
+
+def test_the_trail_grows(opened: Opened) -> None:
+    opened.page.evaluate("overview()")
+    drawn = []
+    for time in (0.7, 2.0, 3.5):
+        opened.seek(time)
+        before = opened.picture()
+        opened.tick("its trail")
+        drawn.append(changed(before, opened.picture()).sum())
+        opened.tick("its trail")
+    assert drawn[0] < 0.5 * drawn[1] < 0.4 * drawn[2]
+
+
+def test_the_reduced_model_and_the_reference_are_drawn_over_the_robot(
+    opened: Opened, keep_picture: Callable[[Any, str], None]
+) -> None:
+    opened.seek(1.0)
+    plain = opened.picture()
+    opened.tick("reduced model")
+    with_model = opened.picture()
+    red = with_model[changed(plain, with_model)]
+    assert (np.abs(red - [0xD0, 0x1C, 0x3F]).max(axis=1) < 16).sum() > 300
+    opened.tick("reference")
+    assert changed(with_model, opened.picture(), 8).sum() > 2000
+    opened.page.add_style_tag(content=".card, .label { opacity: 1 }")
+    keep_picture(opened.page, "replay_with_reduced_model")
+
+
+def test_the_gallery_shows_every_posture(
+    browser: Any, robot: Robot, tmp_path: Path, keep_picture: Callable[[Any, str], None]
+) -> None:
+    path = write_posture_html(robot, list(robot.postures), tmp_path / "gallery.html")
+    tab = Opened(browser, path)
+    tab.settle()
+    keep_picture(tab.page, "gallery")
+    assert tab.page.locator("#timeline").is_hidden()
+    full = tab.picture()
+    places = {}
+    for order in range(len(robot.postures)):
+        tab.show(False, f"posture_{order}")
+        pixels = np.argwhere(changed(full, tab.picture(), 40))
+        assert len(pixels) > 1500
+        tab.show(True, f"posture_{order}")
+        label = tab.page.locator(".label").nth(order)
+        places[label.inner_text().splitlines()[0]] = (pixels.mean(axis=0), label.bounding_box())
+    assert set(places) == {name.replace("_", " ") for name in robot.postures}
+    for name, ((_, column), box) in places.items():
+        assert 0.0 <= box["x"] <= 1280.0 - box["width"], name
+        assert 0.0 <= box["y"] <= 800.0 - box["height"], name
+        # Every robot stands above its own label; the shadow falls to the side.
+        assert abs(box["x"] + 0.5 * box["width"] - column) < 70.0, name
+    assert tab.messages == []
+    tab.page.close()
+
+
+def test_a_served_page_asks_for_nothing_else(browser: Any, robot: Robot) -> None:
+    server = PageServer(posture_html(robot, ["mip"]))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        tab = browser.new_page()
+        asked: list[str] = []
+        said: list[str] = []
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.on("console", lambda message: said.append(message.text))
+        tab.goto(server.url)
+        tab.evaluate(FRAMES)
+        assert said == []
+        assert [url for url in asked if not url.startswith(("data:", "blob:"))] == [server.url]
+        tab.close()
+    finally:
+        server.stop()
+        thread.join(timeout=10)
+    assert not thread.is_alive()
+
+
 def test_following_keeps_the_robot_in_the_middle(opened: Opened) -> None:
     middle = """() => {
       const place = root_place().project(viewer.camera);
@@ -283,6 +413,10 @@ def test_phases_are_named_as_they_play(browser: Any, mission_run: xarray.Dataset
 
 def test_page_fits_a_phone(browser: Any, file: Path) -> None:
     tab = Opened(browser, file, width=390, height=780)
+    assert tab.page.locator("#legend input").first.is_hidden()
+    tab.page.locator("#legend summary").focus()
+    tab.page.keyboard.press("Enter")
+    assert tab.page.locator("#legend input").first.is_visible()
     for card in ("#facts", "#legend", "#timeline"):
         box = tab.page.locator(card).bounding_box()
         assert box["x"] >= 0

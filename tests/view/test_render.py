@@ -134,14 +134,20 @@ def test_the_robot_covers_its_outlines(climb: xarray.Dataset, robot: Robot) -> N
     configuration = climb.configuration.values[-1]
     outlines = [polygon for outline in outlines_at(robot, configuration) for polygon in outline.polygons]
     low, high = np.vstack(outlines).min(axis=0) - 0.02, np.vstack(outlines).max(axis=0) + 0.02
-    frame, resolution = Frame(low[0], high[0], low[1], high[1]), 250
+    frame, resolution = Frame(low[0], high[0], low[1], high[1]), 1200  # thin struts have many edges
     image = render_picture(RobotShapes(robot).at(configuration), None, Camera(), frame, resolution=resolution)
     rows, columns = image.shape[:2]
     x = low[0] + (np.arange(columns) + 0.5) / resolution
     z = high[1] - (np.arange(rows) + 0.5) / resolution
-    centres = np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
-    inside = np.any([Polygon(outline).contains_points(centres) for outline in outlines], axis=0)
-    drawn = image[..., 3].ravel() > 0.5
+    inside = np.zeros((rows, columns), dtype=bool)
+    for outline in outlines:
+        # Only the pixels near a triangle need to be asked about it.
+        left, right = np.searchsorted(x, outline[:, 0].min()), np.searchsorted(x, outline[:, 0].max())
+        top, bottom = np.searchsorted(-z, -outline[:, 1].max()), np.searchsorted(-z, -outline[:, 1].min())
+        centres = np.stack(np.meshgrid(x[left:right], z[top:bottom]), axis=-1)
+        within = Polygon(outline).contains_points(centres.reshape(-1, 2)) if centres.size else np.empty(0, dtype=bool)
+        inside[top:bottom, left:right] |= within.reshape(centres.shape[:2])
+    drawn = image[..., 3] > 0.5
     assert (inside & drawn).sum() / (inside | drawn).sum() > 0.985
 
 

@@ -1,14 +1,17 @@
 "use strict";
 const replay = JSON.parse(document.getElementById("replay").textContent);
 const viewer = new MeshCat.Viewer(document.getElementById("pane"));
+const parts = replay.parts.map((text) => atob(text));
 for (const command of replay.commands) {
-  viewer.handle_command_bytearray(Uint8Array.from(atob(command), (letter) => letter.charCodeAt(0)));
+  const bytes = command.map((part) => parts[part]).join("");
+  viewer.handle_command_bytearray(Uint8Array.from(bytes, (letter) => letter.charCodeAt(0)));
 }
 
 // meshcat's own controls are there for those who want them: folded away, the animation's folder open inside.
 viewer.gui.__folders.Scene.close();
 viewer.gui.width = 250;
 viewer.gui.close();
+const moving = replay.times.length > 1; // else it is a still scene, such as a gallery of postures
 
 const animator = viewer.animator;
 const element = (id) => document.getElementById(id);
@@ -20,15 +23,34 @@ for (const fact of replay.conditions) {
   element("conditions").append(item);
 }
 element("scale").textContent = replay.scale;
-for (const entry of replay.legend) {
-  const item = document.createElement("li");
-  const shape = entry.kind === "arrow"
-    ? '<path d="M0 6H20M18 1L29 6L18 11Z" stroke="C" stroke-width="3" fill="C"/>'
-    : '<circle cx="15" cy="6" r="5.5" fill="C"/>';
-  item.innerHTML = `<svg viewBox="0 0 30 12" aria-hidden="true">${shape.replaceAll("C", entry.colour)}</svg>`;
-  item.append(entry.text);
-  document.querySelector("#legend ul").append(item);
+// What the legend switches is shown or hidden by three.js itself: nothing of it is an animation's business.
+const node = (path) => viewer.scene_tree.find(path.split("/").filter((step) => step)).object;
+const PICTURES = {
+  arrow: '<path d="M0 6H20M18 1L29 6L18 11Z" stroke="currentColor" stroke-width="3" fill="currentColor"/>',
+  dot: '<circle cx="15" cy="6" r="5.5" fill="currentColor"/>',
+  cone: '<path d="M15 12L3 2A12 2 0 0 1 27 2Z" fill="currentColor" fill-opacity="0.35" stroke="currentColor"/>',
+  trail: '<path d="M1 10C9 10 12 3 28 2" stroke="currentColor" stroke-width="3" fill="none"/>',
+  pendulum: '<circle cx="8" cy="7" r="4.3" stroke="currentColor" stroke-width="2" fill="none"/><path d="M8 7L24 3" stroke="currentColor" stroke-width="2.5"/><circle cx="24" cy="3" r="3" fill="currentColor"/>',
+  ghost: '<rect x="4" y="1" width="22" height="10" rx="4" fill="currentColor" fill-opacity="0.4" stroke="currentColor"/>',
+};
+function show(entry, visible) {
+  for (const path of entry.nodes) node(path).visible = visible;
+  viewer.set_dirty();
 }
+for (const entry of replay.legend) {
+  const [item, label, box] = [document.createElement("li"), document.createElement("label"), document.createElement("input")];
+  box.type = "checkbox";
+  box.checked = entry.shown;
+  box.addEventListener("change", () => show(entry, box.checked));
+  label.innerHTML = `<svg viewBox="0 0 30 12" aria-hidden="true">${PICTURES[entry.kind]}</svg>`;
+  label.querySelector("svg").style.color = entry.colour;
+  label.prepend(box);
+  label.append(entry.text);
+  item.append(label);
+  document.querySelector("#legend ul").append(item);
+  show(entry, entry.shown);
+}
+element("legend").open = window.innerWidth > 720;
 const cells = replay.readouts.map((readout) => {
   const [name, value] = [document.createElement("dt"), document.createElement("dd")];
   name.textContent = readout.label;
@@ -85,7 +107,7 @@ function frame_box(low, high) {
   viewer.set_dirty();
 }
 
-const root = viewer.scene_tree.find(replay.camera.root.split("/").filter((step) => step)).object;
+const root = replay.camera.root ? node(replay.camera.root) : null;
 const root_place = () => to_three(root.position.toArray());
 let following = null; // where the robot was when the camera last moved with it
 
@@ -100,6 +122,26 @@ function follow() {
   frame_box(centre.map((entry) => entry - 0.65), centre.map((entry) => entry + 0.65));
   following = root_place();
   element("follow").setAttribute("aria-pressed", "true");
+}
+
+// ---- labels ---------------------------------------------------------------------------------------------------------
+const labels = replay.labels.map((entry) => {
+  const [label, detail] = [document.createElement("div"), document.createElement("span")];
+  label.className = "label";
+  label.textContent = entry.text;
+  detail.textContent = entry.detail;
+  label.append(detail);
+  document.body.insertBefore(label, element("facts"));
+  return { label, place: to_three(entry.place) };
+});
+
+function place_labels() {
+  for (const { label, place } of labels) {
+    const seen = place.clone().project(viewer.camera);
+    label.hidden = seen.z > 1;
+    const [x, y] = [0.5 * (seen.x + 1) * window.innerWidth, 0.5 * (1 - seen.y) * window.innerHeight];
+    label.style.transform = `translate(-50%, 0) translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+  }
 }
 
 // ---- playback -------------------------------------------------------------------------------------------------------
@@ -119,10 +161,10 @@ window.addEventListener("resize", () => { if (!following) overview(); });
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|SELECT|BUTTON/.test(event.target.tagName)) return;
   const step = 1 / replay.frames_per_second;
-  const action = {
+  const action = moving ? {
     " ": toggle, f: () => (following ? overview() : follow()), o: overview,
     ArrowRight: () => seek(animator.time + step), ArrowLeft: () => seek(animator.time - step),
-  }[event.key];
+  }[event.key] : { o: overview }[event.key];
   if (action) { event.preventDefault(); action(); }
 });
 
@@ -143,7 +185,8 @@ function refresh() {
     element("play").textContent = animator.playing ? "❚❚" : "▶";
     element("play").setAttribute("aria-label", animator.playing ? "Pause" : "Play");
   }
-  if (shown.time !== animator.time) {
+  if (labels.length) place_labels();
+  if (moving && shown.time !== animator.time) {
     const last = replay.times.length - 1;
     const index = Math.min(last, Math.max(0, Math.round(animator.time * replay.frames_per_second)));
     element("clock").textContent =
@@ -158,6 +201,8 @@ function refresh() {
   shown = { time: animator.time, playing: animator.playing };
 }
 
+element("timeline").hidden = !moving;
+document.body.classList.toggle("still", !moving);
 if (replay.camera.follow) follow(); else overview();
 if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) animator.pause();
 refresh();
