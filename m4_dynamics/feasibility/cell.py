@@ -62,7 +62,10 @@ FIELDS: dict[str, Field] = {
     "without_margin": Field("1", "verdict on the reduced model if the controller plans with all the friction"),
     "without_error": Field("1", "verdict on the reduced model from a start without error"),
     "without_both": Field("1", "verdict on the reduced model with neither friction margin nor error of the start"),
-    "slip_time": Field("s", "time that a wheel slid (reduced model: would need more grip than there is)"),
+    "slip_time": Field(
+        "s", "time that a wheel slid after the first half second (reduced model: would need more grip than there is)"
+    ),
+    "slip_time_start": Field("s", "the same in the first half second, in which it does not count for the verdict"),
     "slip_distance": Field("m", "distance slid by the worst wheel"),
     "air_time": Field("s", "time that a drive wheel was off the ground"),
     "duty_saturated": Field("s", "time at full duty"),

@@ -37,10 +37,12 @@ class Effect(IntEnum):
         THRUST_BOUND: The equilibrium lies on a bound of the thrust, where a controller has no authority downwards or
             upwards.
         PLANNING_MARGIN: On the reduced model it climbs if the controller plans with all the friction there is.
-        START_TRANSIENT: On the reduced model it climbs from a start without error; or the ramps' peak acceleration has
-            no equilibrium within the limits.
+        START_TRANSIENT: On the reduced model it climbs from a start without error.
         MARGIN_AND_TRANSIENT: On the reduced model it climbs without the margin and without the error, not with either.
-        SLIP: A wheel slid while the robot recovered or followed.
+        ACCELERATION: At the peak acceleration of moving off or stopping no equilibrium is within the limits; the
+            statics are those of a steady climb.
+        SLIP: A wheel slid while the robot recovered or followed, for more than 0.1 s in all; the grip of a wheel that
+            slides is less than what the equilibrium needs, so that it does not come back.
         MOTOR_SPEED: The duty saturated.
         RESERVE: It climbs although the equilibrium falls short of a reserve (clearance, normal force, pitch window).
         FULL_MODEL: The reduced model climbs from the same start, the full one does not.
@@ -52,11 +54,12 @@ class Effect(IntEnum):
     PLANNING_MARGIN = 2
     START_TRANSIENT = 3
     MARGIN_AND_TRANSIENT = 4
-    SLIP = 5
-    MOTOR_SPEED = 6
-    RESERVE = 7
-    FULL_MODEL = 8
-    UNEXPLAINED = 9
+    ACCELERATION = 5
+    SLIP = 6
+    MOTOR_SPEED = 7
+    RESERVE = 8
+    FULL_MODEL = 9
+    UNEXPLAINED = 10
 
 
 EFFECT_LABELS: dict[Effect, str] = {
@@ -65,6 +68,7 @@ EFFECT_LABELS: dict[Effect, str] = {
     Effect.PLANNING_MARGIN: "controller's friction margin",
     Effect.START_TRANSIENT: "start transient",
     Effect.MARGIN_AND_TRANSIENT: "friction margin and start transient",
+    Effect.ACCELERATION: "acceleration of the ramps",
     Effect.SLIP: "slip",
     Effect.MOTOR_SPEED: "motor speed",
     Effect.RESERVE: "reserve of the limit",
@@ -107,8 +111,8 @@ def explain(dataset: xarray.Dataset, reduction: Reduction, settings: RolloutSett
         (Effect.PLANNING_MARGIN, stopped & helps("without_margin")),
         (Effect.START_TRANSIENT, stopped & helps("without_error")),
         (Effect.MARGIN_AND_TRANSIENT, stopped & helps("without_both")),
-        (Effect.START_TRANSIENT, stopped & ~_ramp_feasible(dataset, reduction, settings)),
-        (Effect.SLIP, stopped & (longest("slip_time") > _SLID_LONG)),
+        (Effect.ACCELERATION, stopped & ~_ramp_feasible(dataset, reduction, settings)),
+        (Effect.SLIP, stopped & (longest("slip_time") + longest("slip_time_start") > _SLID_LONG)),
         (Effect.MOTOR_SPEED, stopped & (longest("duty_saturated") > _SATURATED_LONG)),
         (Effect.MOTOR_SPEED, surprising & np.isin(limit, (Limit.MOTOR_SPEED, Limit.TORQUE))),
         (Effect.RESERVE, surprising & np.isin(limit, (Limit.CLEARANCE, Limit.NORMAL_FORCE, Limit.PITCH_WINDOW))),

@@ -19,7 +19,7 @@ from m4_dynamics.feasibility.cell import FIELDS, CellIndex, RolloutSettings, sta
 from m4_dynamics.feasibility.grid import AXIS_UNITS, MapGrid
 from m4_dynamics.feasibility.job import Axis, Field, Place, Record, start_axis
 from m4_dynamics.feasibility.provenance import sweep_identity
-from m4_dynamics.feasibility.reduced_rollout import ReducedRun, judge_reduced, run_reduced
+from m4_dynamics.feasibility.reduced_rollout import ReducedRun, grip_missing, judge_reduced, run_reduced
 from m4_dynamics.reduced.reduction import Reduction
 from m4_dynamics.reduced.trim import Trim, trim_branches
 from m4_dynamics.robot.robot import Robot
@@ -262,7 +262,7 @@ def _run_trim(job: RolloutJob, climb: ClimbSettings, trim: Trim, record: dict[st
         record.update(_what_would_help(job, climb, reference))
     if job.settings.plant == "mip":
         record["verdict"] = record["verdict_reduced"]
-        record.update(_reduced_figures(run, job.reduction, reference, slip_time))
+        record.update(_reduced_figures(run, job.reduction, reference, friction, slip_time))
         return
     result = run_climb(job.robot, climb, reduction=job.reduction, trim=trim, warm_up=False)
     if result.summary.verdict == Verdict.ABORTED and "interrupted" in result.summary.reason:
@@ -302,9 +302,10 @@ def saturation_times(inputs: _Array, thrust_max: float) -> dict[str, float]:
 
 
 def _reduced_figures(
-    run: ReducedRun, reduction: Reduction, reference: ReferenceTrajectory, slip_time: float
+    run: ReducedRun, reduction: Reduction, reference: ReferenceTrajectory, friction: float, slip_time: float
 ) -> dict[str, float]:
     settled, graced = run.time >= SETTLING_TIME, run.time >= SLIP_GRACE
+    wanting = np.count_nonzero(grip_missing(run, friction)[~graced])
     error = run.state - reference.state[: len(run.time)]
     radius = reduction.parameters.wheel_radius
     along, normal = run.ground_force[graced, 0], run.ground_force[graced, 1]
@@ -313,6 +314,7 @@ def _reduced_figures(
     return {
         **saturation_times(run.inputs, reduction.thrust_max),
         "slip_time": slip_time,
+        "slip_time_start": _CONTROL_PERIOD * float(wanting),
         "solver_failures": float(run.fallbacks),
         "friction_used": largest(used),
         "normal_force_min": float(normal.min()) if normal.size else math.nan,
@@ -328,9 +330,11 @@ def _full_figures(summary: ClimbSummary, dataset: xarray.Dataset, reduction: Red
     graced = dataset["time"].to_numpy() >= SLIP_GRACE
     inputs = dataset["inputs"].to_numpy()
     force = dataset["ground_force_simulated"].to_numpy()[graced]
+    sliding = dataset["slip_time"].sel(wheel=list(dataset.attrs["drive_wheels"])).to_numpy()
     pressed = force[:, 1] > 1e-6
     figures = {
         "slip_time": summary.slip_time_s,
+        "slip_time_start": float(sliding[~graced].sum(axis=0).max()),
         "slip_distance": summary.slip_distance_m,
         "air_time": summary.air_time_s,
         "solver_failures": summary.fallbacks,

@@ -25,6 +25,7 @@ _MARKERS = {
     Effect.PLANNING_MARGIN: "o",
     Effect.START_TRANSIENT: "^",
     Effect.MARGIN_AND_TRANSIENT: "D",
+    Effect.ACCELERATION: ">",
     Effect.SLIP: "s",
     Effect.MOTOR_SPEED: "P",
     Effect.RESERVE: "*",

@@ -10,7 +10,7 @@ import xarray
 from rich.table import Table
 
 from m4_dynamics.feasibility.cell import VERDICTS
-from m4_dynamics.feasibility.disagreement import EFFECT_LABELS, agreement
+from m4_dynamics.feasibility.disagreement import EFFECT_LABELS, Agreement, agreement
 from m4_dynamics.view.tables import make_table
 
 __all__ = ["closed_loop_tables", "describe_closed_loop"]
@@ -84,9 +84,26 @@ def closed_loop_tables(dataset: xarray.Dataset) -> list[Table]:
         make_table("Agreement on where the robot climbs", ("between", "cells", "agree [%]"), rows),
     ]
     if shares["effects"]:
-        effects = list(shares["effects"].items())
-        tables.append(make_table("What sets statics and rollouts apart", ("effect", "cells"), effects))
+        columns = ("effect", "cells", "of these away from the boundary", "slopes [deg]", "thrusts [N]")
+        tables.append(make_table("What sets statics and rollouts apart", columns, _places(dataset, compared)))
     return tables
+
+
+def _places(dataset: xarray.Dataset, compared: Agreement) -> list[tuple[object, ...]]:
+    """A row for each effect: how many cells, and between which slopes and thrusts."""
+    codes = dataset["disagreement"].to_numpy()
+    slope, thrust = np.degrees(dataset["slope"].to_numpy()), dataset["thrust"].to_numpy()
+    rows: list[tuple[object, ...]] = []
+    for effect, count in compared.effects.items():
+        _, i, j = np.nonzero(codes == effect)
+        inner = compared.effects_inner.get(effect, 0)
+        rows.append((EFFECT_LABELS[effect], count, inner, _span(slope[i]), _span(thrust[j])))
+    return rows
+
+
+def _span(values: np.ndarray) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
 
 
 def _finite(value: float) -> float | None:
