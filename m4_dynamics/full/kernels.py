@@ -148,7 +148,7 @@ def find_contacts(
         poses: Joint placements in the world, shape (njoints, 12).
         wheel_joints, wheel_axes, wheel_radii: Joint index, axis in the joint frame, rim radius [m] of each wheel.
         point_joints, point_positions: Joint index and position in the joint frame [m] of each contact point.
-        segments: Terrain segments, shape (n, 8), see `terrain.SEGMENT_COLUMNS`.
+        segments: Terrain segments, shape (n, 9), see `terrain.SEGMENT_COLUMNS`.
         margin: Contacts with a gap below this are listed [m].
         contacts, joints, owners: Filled: contact table, joint index, owner (wheel index, then point index).
 
@@ -164,9 +164,10 @@ def find_contacts(
         px, py, pz = pose[9], pose[10], pose[11]
         radius = wheel_radii[wheel]
         past_previous = False
+        side = 8 if py > 0.0 else 7
         for k in range(n_segments):
             ax, az, tx, tz = segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3]
-            nx, nz, length, scale = segments[k, 4], segments[k, 5], segments[k, 6], segments[k, 7]
+            nx, nz, length, scale = segments[k, 4], segments[k, 5], segments[k, 6], segments[k, side]
             centre_height = (px - ax) * nx + (pz - az) * nz
             # w: the normal projected into the wheel's plane; the rim is deepest against it.
             along_axis = axis_x * nx + axis_z * nz
@@ -199,7 +200,7 @@ def find_contacts(
                         part = radius / distance
                         count = _add_contact(
                             contacts, joints, owners, count, wheel_joints[wheel], wheel, px - part * rx, py - part * ry,
-                            pz - part * rz, cx, cz, gap, min(scale, segments[k - 1, 7]),
+                            pz - part * rz, cx, cz, gap, min(scale, segments[k - 1, side]),
                         )  # fmt: skip
             past_previous = k < n_segments - 1 and s > length
             if not before_start and not past_previous:
@@ -215,9 +216,10 @@ def find_contacts(
         px, py, pz = px + pose[9], py + pose[10], pz + pose[11]
         previous_gap = math.inf
         past_previous = False
+        side = 8 if py > 0.0 else 7
         for k in range(n_segments):
             dx, dz = px - segments[k, 0], pz - segments[k, 1]
-            nx, nz, scale = segments[k, 4], segments[k, 5], segments[k, 7]
+            nx, nz, scale = segments[k, 4], segments[k, 5], segments[k, side]
             s = dx * segments[k, 2] + dz * segments[k, 3]
             gap = dx * nx + dz * nz
             before_start = k > 0 and s < 0.0
@@ -228,7 +230,7 @@ def find_contacts(
                 if distance > 1e-12 and -DEPTH_LIMIT < sign * distance < margin:
                     count = _add_contact(
                         contacts, joints, owners, count, point_joints[point], n_wheels + point, px, py, pz,
-                        sign * dx / distance, sign * dz / distance, sign * distance, min(scale, segments[k - 1, 7]),
+                        sign * dx / distance, sign * dz / distance, sign * distance, min(scale, segments[k - 1, side]),
                     )  # fmt: skip
             # Below a convex corner, where both segments claim the point, the nearer face pushes it out.
             claimed_before = k > 0 and not past_previous and previous_gap < 0.0 and previous_gap >= gap

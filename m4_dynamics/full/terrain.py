@@ -16,8 +16,19 @@ from m4_dynamics.errors import InvalidSettingError, require_finite
 
 __all__ = ["SEGMENT_COLUMNS", "Terrain", "flat_terrain", "incline_terrain", "plateau_terrain", "ramp_terrain"]
 
-#: Columns of `Terrain.segments`, in order: start point, tangent, normal, length, friction scale.
-SEGMENT_COLUMNS = ("start_x", "start_z", "tangent_x", "tangent_z", "normal_x", "normal_z", "length", "friction_scale")
+#: Columns of `Terrain.segments`, in order: start point, tangent, normal, length, friction scales to the right (y <= 0)
+#: and to the left (y > 0).
+SEGMENT_COLUMNS = (
+    "start_x",
+    "start_z",
+    "tangent_x",
+    "tangent_z",
+    "normal_x",
+    "normal_z",
+    "length",
+    "friction_scale",
+    "friction_scale_left",
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,11 +38,13 @@ class Terrain:
     Attributes:
         profile_in_world: Corner points (x, z) with x strictly increasing, shape (n, 2) [m].
         friction_scale: Factor on the robot's ground friction for each segment, shape (n - 1,).
-        segments: One row per segment, shape (n - 1, 8), columns `SEGMENT_COLUMNS`.
+        friction_scale_left: The same where y > 0, shape (n - 1,); None is as on the other side.
+        segments: One row per segment, shape (n - 1, 9), columns `SEGMENT_COLUMNS`.
     """
 
     profile_in_world: NDArray[np.float64]
     friction_scale: NDArray[np.float64] | None = None
+    friction_scale_left: NDArray[np.float64] | None = None
     segments: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -43,17 +56,20 @@ class Terrain:
             raise InvalidSettingError("x of the terrain profile", profile[:, 0].tolist(), "strictly increasing values")
         count = profile.shape[0] - 1
         scale = np.ones(count) if self.friction_scale is None else np.array(self.friction_scale, dtype=float)
-        require_finite("friction scale of the terrain", scale)
-        if scale.shape != (count,) or (scale < 0.0).any():
-            raise InvalidSettingError("friction scale of the terrain", scale.tolist(), f"{count} values >= 0")
+        left = scale.copy() if self.friction_scale_left is None else np.array(self.friction_scale_left, dtype=float)
+        for name, values in (("friction scale", scale), ("friction scale on the left", left)):
+            require_finite(f"{name} of the terrain", values)
+            if values.shape != (count,) or (values < 0.0).any():
+                raise InvalidSettingError(f"{name} of the terrain", values.tolist(), f"{count} values >= 0")
         along = np.diff(profile, axis=0)
         length = np.hypot(along[:, 0], along[:, 1])
         tangent = along / length[:, None]
-        segments = np.column_stack((profile[:-1], tangent, -tangent[:, 1], tangent[:, 0], length, scale))
-        for array in (profile, scale, segments):
+        segments = np.column_stack((profile[:-1], tangent, -tangent[:, 1], tangent[:, 0], length, scale, left))
+        for array in (profile, scale, left, segments):
             array.setflags(write=False)
         object.__setattr__(self, "profile_in_world", profile)
         object.__setattr__(self, "friction_scale", scale)
+        object.__setattr__(self, "friction_scale_left", left)
         object.__setattr__(self, "segments", segments)
 
     def segment_index_at(self, x: float) -> int:

@@ -2,7 +2,8 @@
 
 The reduced model has as many inputs as coordinates, so any smooth pitch and travel have inputs that realise them
 exactly; the pitch is therefore blended between the trims of the slopes before and after a corner while the wheels cross
-it, and from the robot's present pitch to the trim at the start.
+it, and from the robot's present pitch to the trim at the start. Rising corners are met slowly: the wheels run into the
+second face, the blow unloads them for an instant, and what they need of the grip then grows with the speed.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ Array = NDArray[np.float64]
 
 #: On the arc over a convex corner the slope turns continuously; the reference takes it in steps of this size [rad].
 ARC_STEP = math.radians(5.0)
+#: Around a rising corner the slow part of the way, and that over which the speed changes, to either side [m].
+CORNER_CORE, CORNER_TAPER = 0.04, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +44,8 @@ class DrivePlan:
         settle_time: Rest before driving, while the pitch goes from the present one to the trim's [s].
         hold_time: Rest after driving [s].
         corner_time: Over which the pitch changes from trim to trim at a corner [s].
+        corner_impact: Speed towards the second face of a rising corner at which the wheels may meet it [m/s]; a 45 deg
+            corner is crossed at 0.12 m/s.
     """
 
     start: float
@@ -50,6 +55,7 @@ class DrivePlan:
     settle_time: float = 1.0
     hold_time: float = 1.0
     corner_time: float = 1.6
+    corner_impact: float = 0.085
 
 
 def drive_reference(
@@ -90,23 +96,28 @@ def drive_reference(
     speed = min(plan.speed, abs(distance) / plan.ramp_time)
     cruise = abs(distance) / speed - plan.ramp_time if distance else 0.0
     driving = 2.0 * plan.ramp_time + cruise if distance else 0.0
-    count = round((plan.settle_time + driving + plan.hold_time) / dt) + 1
-    time: Array = dt * np.arange(count, dtype=np.float64)
-    travel, motion = np.zeros(count), np.zeros((4, count))
-    if distance:
-        for begin, sign in ((plan.settle_time, 1.0), (plan.settle_time + plan.ramp_time + cruise, -1.0)):
-            covered, derivatives = smooth_step(time - begin, plan.ramp_time)
-            travel += sign * covered
-            motion += sign * derivatives
-        direction = math.copysign(speed, distance)
-        travel, motion = direction * travel, direction * motion
-        motion[:, time >= plan.settle_time + driving] = 0.0
-    length = plan.start + travel
+
+    def planned(time: Array) -> tuple[Array, Array, Array]:
+        """Travel, speed and acceleration, corners left aside."""
+        travel, motion = np.zeros(len(time)), np.zeros((4, len(time)))
+        if distance:
+            for begin, sign in ((plan.settle_time, 1.0), (plan.settle_time + plan.ramp_time + cruise, -1.0)):
+                covered, derivatives = smooth_step(time - begin, plan.ramp_time)
+                travel += sign * covered
+                motion += sign * derivatives
+            direction = math.copysign(speed, distance)
+            travel, motion = direction * travel, direction * motion
+            motion[:, time >= plan.settle_time + driving] = 0.0
+        return travel, motion[0], motion[1]
+
+    end = plan.settle_time + driving + plan.hold_time
+    time, length, velocity, acceleration = _slowed_at_corners(path, plan, speed, planned, end, dt)
+    count = len(time)
     slope = _stepped(path.slope_at(length))
-    pitch = _pitch(parameters, slope, motion[1], trim_on, time, plan, pitch_now)
+    pitch = _pitch(parameters, slope, acceleration, trim_on, time, plan, pitch_now)
     spline = CubicSpline(time, pitch, bc_type="clamped")
     radius = parameters.wheel_radius
-    state = np.column_stack((length / radius, pitch, motion[0] / radius, spline(time, 1)))
+    state = np.column_stack((length / radius, pitch, velocity / radius, spline(time, 1)))
     pitch_acceleration = spline(time, 2)
     settled = smooth_step(time, plan.settle_time)[1][0] if plan.settle_time > 0.0 else np.ones(count)
     inputs = np.empty((count, 2))
@@ -118,9 +129,47 @@ def drive_reference(
             thrust = trim.thrust + (1.0 - settled[k]) * (thrust_now - trim.thrust)
             inputs[k] = (trim.torque + back_emf) / parameters.torque_constant, thrust
         else:
-            acceleration = (motion[1, k] / radius, float(pitch_acceleration[k]))
-            inputs[k] = inverse_dynamics(parameters, float(slope[k]), state[k], acceleration)
-    return ReferenceTrajectory(time, state, inputs, slope, motion[1])
+            accelerations = (acceleration[k] / radius, float(pitch_acceleration[k]))
+            inputs[k] = inverse_dynamics(parameters, float(slope[k]), state[k], accelerations)
+    return ReferenceTrajectory(time, state, inputs, slope, acceleration)
+
+
+def _slowed_at_corners(
+    path: AxlePath,
+    plan: DrivePlan,
+    speed: float,
+    planned: Callable[[Array], tuple[Array, Array, Array]],
+    end: float,
+    dt: float,
+) -> tuple[Array, Array, Array, Array]:
+    """Time, place, speed and acceleration of a plan whose clock runs slower near rising corners."""
+    rise = path.slopes[1:, 0] - path.slopes[:-1, 1]
+    corners, rises = path.starts[1:][rise > 1e-9], rise[rise > 1e-9]
+    towards = speed * np.sin(np.minimum(rises, 0.5 * math.pi))
+    shares = np.minimum(1.0, plan.corner_impact / np.maximum(towards, 1e-9))
+    corners, shares = corners[shares < 1.0], shares[shares < 1.0]
+
+    def pace(place: Array) -> tuple[Array, Array]:
+        """Pace of the plan's clock at a place, and its derivative with respect to the place."""
+        total, slope = np.ones(len(place)), np.zeros(len(place))
+        for corner, share in zip(corners, shares, strict=True):
+            x = np.clip((np.abs(place - corner) - CORNER_CORE) / CORNER_TAPER, 0.0, 1.0)
+            factor = share + (1.0 - share) * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+            change = (1.0 - share) * 30.0 * (x * (1.0 - x)) ** 2 * np.sign(place - corner) / CORNER_TAPER
+            total, slope = total * factor, slope * factor + total * change
+        return total, slope
+
+    # The plan's clock tau runs at the pace g(s): dt = dtau / g, integrated on a finer grid and inverted.
+    clock = np.linspace(0.0, end, 4 * round(end / dt) + 1)
+    inverse = 1.0 / pace(plan.start + planned(clock)[0])[0]
+    elapsed = np.concatenate(([0.0], np.cumsum(0.5 * (inverse[1:] + inverse[:-1]) * np.diff(clock))))
+    time: Array = dt * np.arange(round(float(elapsed[-1]) / dt) + 1, dtype=np.float64)
+    tau = time if len(corners) == 0 else np.minimum(CubicSpline(elapsed, clock)(time), end)
+    travel, velocity, acceleration = planned(tau)
+    place = plan.start + travel
+    factor, change = pace(place)
+    # ds/dt = v g, d2s/dt2 = a g^2 + v^2 g g'.
+    return time, place, velocity * factor, acceleration * factor**2 + velocity**2 * factor * change
 
 
 def _stepped(slope: Array) -> Array:

@@ -40,6 +40,7 @@ from m4_dynamics.simulation.balance import balance_estimator, drive_wheels
 from m4_dynamics.simulation.climb import with_rotor_lag
 from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
+from m4_dynamics.simulation.plant_errors import PlantErrors, perturbed_robot
 from m4_dynamics.simulation.recorder import Recorder
 from m4_dynamics.simulation.trajectory import build_trajectory
 
@@ -74,13 +75,16 @@ def terrain_of(plan: TerrainPlan, *, flat_before: float) -> Terrain:
     return plateau_terrain(plan.slope, flat_before=flat_before, length=plan.length)
 
 
-def prepare_mission(robot: Robot, mission: Mission, *, fidelity: Fidelity | None = None) -> Situation:
+def prepare_mission(
+    robot: Robot, mission: Mission, *, fidelity: Fidelity | None = None, plant_errors: PlantErrors | None = None
+) -> Situation:
     """Put the robot at a mission's start.
 
     Args:
         robot: The robot.
         mission: The mission.
         fidelity: What sets actuators and sensors apart from ideal ones; None is nothing.
+        plant_errors: How the simulated robot differs from the one that the controllers know; None is not at all.
 
     Returns:
         The situation, at rest.
@@ -96,8 +100,11 @@ def prepare_mission(robot: Robot, mission: Mission, *, fidelity: Fidelity | None
     terrain = terrain_of(mission.terrain, flat_before=max(start.distance_to_foot, 0.0) + 1.5)
     friction = mission.terrain.friction_static
     ground = robot.ground if friction is None else dataclasses.replace(robot.ground, friction_static=friction)
-    model = FullModel.build(robot, terrain, ground=ground)
-    plant = Plant(model, fidelity=fidelity)
+    errors = PlantErrors() if plant_errors is None else plant_errors
+    model = FullModel.build(
+        perturbed_robot(robot, errors), errors.applied_to_terrain(terrain), ground=errors.applied_to(ground)
+    )
+    plant = Plant(model, fidelity=fidelity, thrust_scale=errors.thrust_given(robot))
     configuration = standing_configuration(robot, start.posture)
     turn = pin.AngleAxis(start.heading, np.array([0.0, 0.0, 1.0])).toRotationMatrix()
     configuration[0] = -start.distance_to_foot
@@ -130,6 +137,7 @@ def run_mission(
     mission: Mission,
     *,
     fidelity: Fidelity | None = None,
+    plant_errors: PlantErrors | None = None,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> MissionResult:
@@ -142,6 +150,7 @@ def run_mission(
         robot: The robot.
         mission: The mission.
         fidelity: What sets actuators and sensors apart from ideal ones; None is nothing.
+        plant_errors: How the simulated robot differs from the one that the controllers know; None is not at all.
         attributes: Further attributes of the dataset.
         on_progress: Called before each phase with its name and the simulated time [s].
 
@@ -152,7 +161,7 @@ def run_mission(
         InvalidMissionError: The mission names what the robot does not have.
         M4Error: The robot cannot be used.
     """
-    situation = prepare_mission(robot, mission, fidelity=fidelity)
+    situation = prepare_mission(robot, mission, fidelity=fidelity, plant_errors=plant_errors)
     recorder = situation.recorder
     outcomes: list[PhaseOutcome] = []
     failure: str | None = None

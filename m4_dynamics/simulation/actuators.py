@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 
 @njit(cache=True)
 def drive_at_once(
-    duty_command: Any, thrust_command: Any, thrust_limit: Any, thrust_scale: float, duty: Any, thrust: Any
+    duty_command: Any, thrust_command: Any, thrust_limit: Any, thrust_scale: Any, duty: Any, thrust: Any
 ) -> None:
     """Ideal actuators: duties limited to [-1, 1], thrusts to what the thrusters give (times an error of theirs)."""
     for i in range(duty.shape[0]):
         duty[i] = min(1.0, max(-1.0, duty_command[i]))
     for i in range(thrust.shape[0]):
-        thrust[i] = thrust_scale * min(thrust_limit[i], max(0.0, thrust_command[i]))
+        thrust[i] = thrust_scale[i] * min(thrust_limit[i], max(0.0, thrust_command[i]))
 
 
 @njit(cache=True)
@@ -64,7 +64,7 @@ def limited_duty(
 @njit(cache=True)
 def _advance(
     wanted_duty: Any, wanted_thrust: Any, wanted_targets: Any, voltage_ratio: float, velocity: Any,
-    wheel_velocity_indices: Any, wheel_motor: Any, wheel_limits: Any, thrust_limit: Any, thrust_scale: float,
+    wheel_velocity_indices: Any, wheel_motor: Any, wheel_limits: Any, thrust_limit: Any, thrust_scale: Any,
     rotor_share: Any, servo_stride: Any, duty: Any, thrust: Any, targets: Any,
 ) -> None:  # fmt: skip
     """Move every actuator on by one integration step.
@@ -79,7 +79,7 @@ def _advance(
         wheel_motor: Stall torque and back-EMF constant, shape (wheels, 2) [N m, N m s].
         wheel_limits: Torque and speed limit, shape (wheels, 2) [N m, rad/s].
         thrust_limit: Largest thrusts [N].
-        thrust_scale: Thrust given over thrust asked for.
+        thrust_scale: Thrust given over thrust asked for, shape (thrusters,).
         rotor_share: Part of its way that each rotor goes in one step.
         servo_stride: Largest change of each servo's target in one step [rad].
         duty: Overwritten: what acts on the motors.
@@ -93,7 +93,7 @@ def _advance(
             wheel_limits[i, 1],
         )  # fmt: skip
     for i in range(thrust.shape[0]):
-        aim = thrust_scale * voltage_ratio * voltage_ratio * min(thrust_limit[i], max(0.0, wanted_thrust[i]))
+        aim = thrust_scale[i] * voltage_ratio * voltage_ratio * min(thrust_limit[i], max(0.0, wanted_thrust[i]))
         thrust[i] += rotor_share[i] * (aim - thrust[i])
     for i in range(targets.shape[0]):
         stride = servo_stride[i]
@@ -108,14 +108,14 @@ class Actuators:
         model: The full model that they act on.
         fidelity: Which imperfections.
         time_step: Integration step [s].
-        thrust_scale: Thrust given over thrust asked for, an error of every thruster.
+        thrust_scale: Thrust given over thrust asked for, shape (thrusters,).
         supply: The battery in use, or None.
     """
 
     model: FullModel
     fidelity: Fidelity
     time_step: float
-    thrust_scale: float = 1.0
+    thrust_scale: Array
     supply: Supply | None = field(init=False)
     _wheel_limits: Array = field(init=False, repr=False)
     _thrust_limit: Array = field(init=False, repr=False)

@@ -50,7 +50,7 @@ ControllerName = Literal["default", "paper", "paper-zero", "lqr", "pid"]
 CONTROLLERS: tuple[str, ...] = get_args(ControllerName)
 
 #: The heading's closed loop: natural frequency [rad/s], above the fastest growth on any slope, and damping ratio.
-HEADING_FREQUENCY = 6.0
+HEADING_FREQUENCY = 8.0
 HEADING_DAMPING_RATIO = 1.0
 #: Pole of the heading's integral [1/s]: well below the others, it stands against constant moments alone.
 HEADING_INTEGRAL_FREQUENCY = 2.0
@@ -309,10 +309,10 @@ def prepare_climb(
     errors = settings.plant_errors
     ground = errors.applied_to(dataclasses.replace(robot.ground, friction_static=friction))
     plant = Plant(
-        FullModel.build(perturbed_robot(robot, errors), terrain, ground=ground),
+        FullModel.build(perturbed_robot(robot, errors), errors.applied_to_terrain(terrain), ground=ground),
         control_period=settings.control_period,
         time_step=settings.time_step,
-        thrust_scale=errors.thrust_scale,
+        thrust_scale=errors.thrust_given(robot),
         fidelity=settings.fidelity,
     )
     sinking = trim.normal_force / (2.0 * ground.stiffness)
@@ -327,7 +327,7 @@ def prepare_climb(
     )
     measurement = plant.reset(configuration)
     # It stands there balanced: its rotors turn already.
-    plant.stepper.actuation.thrust[:] = errors.thrust_scale * reference.inputs[0, 1] * reduction.thrust_shares
+    plant.stepper.actuation.thrust[:] = errors.thrust_given(robot) * reference.inputs[0, 1] * reduction.thrust_shares
     if settings.posture_compensation:
         plant.command.servo_targets += holding_torques(robot, reduction, trim).sag
     wheels = drive_wheels(robot, reduction.frame)

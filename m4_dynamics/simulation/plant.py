@@ -40,7 +40,8 @@ class Plant:
         model: The full model; its terrain and ground law are the plant's.
         control_period: Time between two measurements [s].
         time_step: Integration step; a whole number of them must fit into the control period [s].
-        thrust_scale: Thrust given over thrust commanded; other than 1 is an error that no controller knows of.
+        thrust_scale: Thrust given over thrust commanded, one for all thrusters or shape (thrusters,); other than 1 is
+            an error that no controller knows of.
         fidelity: What sets actuators and sensors apart from ideal ones; the default is nothing.
         command: What the actuators are told until it is written anew: servo targets, duties, brakes, thrusts, a push.
         stepper: The integrator, with the state, contact forces, counters, and what the actuators do.
@@ -51,7 +52,7 @@ class Plant:
     model: FullModel
     control_period: float = 5e-3
     time_step: float = 1e-3
-    thrust_scale: float = 1.0
+    thrust_scale: float | Array = 1.0
     fidelity: Fidelity = field(default_factory=Fidelity)
     command: Actuation = field(init=False)
     stepper: ImplicitStepper = field(init=False)
@@ -62,6 +63,7 @@ class Plant:
     _exact: Array = field(init=False, repr=False)
     _previous_velocity: Array = field(init=False, repr=False)
     _thrust_limit: Array = field(init=False, repr=False)
+    _thrust_scale: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.stepper = ImplicitStepper(self.model, self.time_step)
@@ -72,12 +74,14 @@ class Plant:
             )
         fidelity = self.fidelity
         self._thrust_limit = np.array([thruster.maximum_thrust for thruster in self.model.robot.thrusters], dtype=float)
+        scale = np.asarray(self.thrust_scale, dtype=float)
+        self._thrust_scale = np.broadcast_to(scale, self._thrust_limit.shape).copy()
         acts_at_once = (
             not (fidelity.servo_speed_limit or fidelity.motor_limits or fidelity.control_delay)
             and fidelity.battery is None
             and not fidelity.rotor_time_constants(self.model.robot).any()
         )
-        self._actuators = None if acts_at_once else Actuators(self.model, fidelity, self.time_step, self.thrust_scale)
+        self._actuators = None if acts_at_once else Actuators(self.model, fidelity, self.time_step, self._thrust_scale)
         self.sensors = None if fidelity.senses_exactly else Sensors(fidelity, self.control_period)
         self._exact = np.zeros(IMU_ENTRIES + 2 * len(self.model.robot.wheels))
         self.reset(self.stepper.configuration)
@@ -162,7 +166,7 @@ class Plant:
                 command.wheel_duty,
                 command.thrust,
                 self._thrust_limit,
-                self.thrust_scale,
+                self._thrust_scale,
                 actuation.wheel_duty,
                 actuation.thrust,
             )

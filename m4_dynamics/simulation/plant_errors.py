@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from m4_dynamics.errors import InvalidSettingError, require_finite, require_shape
+from m4_dynamics.full.terrain import Terrain
 from m4_dynamics.robot.robot import Ground, Robot
 
 __all__ = ["PlantErrors", "perturbed_robot"]
@@ -25,12 +27,16 @@ class PlantErrors:
             the shift: its own CoM moves further, by the robot's mass over the base's.
         thrust_scale: Thrust given over thrust commanded, of every thruster.
         friction_scale: Static friction coefficient of the ground over the one that the controllers assume.
+        thrust_scales: A further factor for each thruster, in the robot's order; empty is none.
+        friction_scale_left: A further factor on the friction coefficient where y > 0: one wheel grips less.
     """
 
     mass_scale: float = 1.0
     com_offset_in_base: tuple[float, float, float] = (0.0, 0.0, 0.0)
     thrust_scale: float = 1.0
     friction_scale: float = 1.0
+    thrust_scales: tuple[float, ...] = ()
+    friction_scale_left: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse what no robot can be.
@@ -39,8 +45,9 @@ class PlantErrors:
             InvalidSettingError: Names the entry, what was received and what would be valid.
             NonFiniteError: The offset is not finite.
         """
-        for name in ("mass_scale", "thrust_scale", "friction_scale"):
-            value = getattr(self, name)
+        scales = ("mass_scale", "thrust_scale", "friction_scale", "friction_scale_left")
+        named = [(name, getattr(self, name)) for name in scales]
+        for name, value in [*named, *(("thrust_scales", value) for value in self.thrust_scales)]:
             if not (math.isfinite(value) and 0.0 < value <= 10.0):
                 raise InvalidSettingError(name, value, "a factor above 0, at most 10")
         offset = np.asarray(self.com_offset_in_base, dtype=float)
@@ -51,6 +58,23 @@ class PlantErrors:
     def applied_to(self, ground: Ground) -> Ground:
         """The ground with the plant's friction."""
         return dataclasses.replace(ground, friction_static=self.friction_scale * ground.friction_static)
+
+    def applied_to_terrain(self, terrain: Terrain) -> Terrain:
+        """The terrain with the plant's friction on the left."""
+        assert terrain.friction_scale is not None
+        return dataclasses.replace(terrain, friction_scale_left=self.friction_scale_left * terrain.friction_scale)
+
+    def thrust_given(self, robot: Robot) -> NDArray[np.float64]:
+        """Thrust given over thrust commanded, per thruster of a robot, shape (thrusters,).
+
+        Raises:
+            InvalidSettingError: There are not as many `thrust_scales` as thrusters.
+        """
+        count = len(robot.thrusters)
+        if self.thrust_scales and len(self.thrust_scales) != count:
+            raise InvalidSettingError("thrust_scales", self.thrust_scales, f"{count} factors, one for each thruster")
+        each = np.array(self.thrust_scales, dtype=float) if self.thrust_scales else np.ones(count)
+        return self.thrust_scale * each
 
 
 def perturbed_robot(robot: Robot, errors: PlantErrors) -> Robot:

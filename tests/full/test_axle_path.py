@@ -19,7 +19,7 @@ R = 0.125
 def distance_to_terrain(terrain: Terrain, point: np.ndarray) -> float:
     segments = terrain.segments
     best = math.inf
-    for k, (ax, az, tx, tz, _, _, length, _) in enumerate(segments):
+    for k, (ax, az, tx, tz, _, _, length) in enumerate(segments[:, :7]):
         along = (point[0] - ax) * tx + (point[1] - az) * tz
         low, high = (-math.inf if k == 0 else 0.0), (math.inf if k == len(segments) - 1 else length)
         along = min(max(along, low), high)

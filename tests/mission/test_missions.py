@@ -19,6 +19,7 @@ from m4_dynamics.reduced.reduction import reduce_robot
 from m4_dynamics.reduced.trim import select_trim
 from m4_dynamics.robot.loading import load_robot
 from m4_dynamics.simulation.fidelity import Fidelity
+from m4_dynamics.simulation.plant_errors import PlantErrors
 
 
 @cache
@@ -113,6 +114,32 @@ def test_no_chatter_at_rest_on_skids_and_wheels():
         height = dataset.configuration.to_numpy()[-60:, 2]
         assert np.ptp(height) < 1e-5  # the wheels spread by microns as friction creeps
         assert np.abs(np.diff(dataset.velocity.to_numpy()[-60:], axis=0)).max() < 1e-4
+
+
+#: A robot, or a ground, that is not the same on both sides: rotors, balance, grip, and all three.
+ASYMMETRIES = {
+    "thrust": PlantErrors(thrust_scales=(1.1, 0.9, 1.1, 0.9)),
+    "mass": PlantErrors(com_offset_in_base=(0.0, 0.01, 0.0)),
+    "friction": PlantErrors(friction_scale_left=0.875),
+    "all": PlantErrors(
+        thrust_scales=(1.1, 0.9, 1.1, 0.9), com_offset_in_base=(0.0, 0.01, 0.0), friction_scale_left=0.875
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ["wair15", "wair45"])
+@pytest.mark.parametrize("asymmetry", ASYMMETRIES)
+def test_the_heading_holds_in_every_balancing_phase(name, asymmetry):
+    result = run_mission(robot(), load_mission(name), plant_errors=ASYMMETRIES[asymmetry])
+    assert result.summary.verdict == "completed", result.summary.reason
+    for phase in result.summary.phases:
+        if phase.kind == "balance":
+            assert phase.heading_max_deg < 4.0  # measured 0.01 to 2.7, right after the 45 deg corner
+            assert phase.slip_time_s == 0.0
+            assert phase.corner_slip_time_s < 0.05
+    # What is constant the integral takes away: at the end of the climb it looks straight uphill.
+    climb = result.dataset.phase.to_numpy() == result.dataset.attrs["phases"].index("climb")
+    assert math.degrees(np.abs(result.dataset.heading.to_numpy()[climb][-1])) < 0.3  # measured at most 0.22
 
 
 def test_the_robot_turns_on_request():

@@ -11,7 +11,8 @@ import pytest
 
 from m4_dynamics.errors import InvalidSettingError, NonFiniteError
 from m4_dynamics.full.model import FullModel
-from m4_dynamics.full.terrain import flat_terrain
+from m4_dynamics.full.standing import standing_configuration
+from m4_dynamics.full.terrain import flat_terrain, incline_terrain
 from m4_dynamics.reduced.reduction import reduce_robot
 from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
@@ -82,6 +83,8 @@ def test_friction_scales(m4):
         ({"mass_scale": 0.0}, InvalidSettingError),
         ({"thrust_scale": -1.0}, InvalidSettingError),
         ({"friction_scale": math.nan}, InvalidSettingError),
+        ({"friction_scale_left": 0.0}, InvalidSettingError),
+        ({"thrust_scales": (1.0, -1.0)}, InvalidSettingError),
         ({"com_offset_in_base": (0.0, 0.0)}, InvalidSettingError),
         ({"com_offset_in_base": (0.0, math.nan, 0.0)}, NonFiniteError),
     ],
@@ -89,6 +92,38 @@ def test_friction_scales(m4):
 def test_errors_that_cannot_be_are_refused(change, error):
     with pytest.raises(error):
         PlantErrors(**change)
+
+
+def test_each_thruster_may_err_for_itself(m4):
+    errors = PlantErrors(thrust_scale=0.5, thrust_scales=(1.1, 0.9, 1.0, 1.0))
+    np.testing.assert_allclose(errors.thrust_given(m4), [0.55, 0.45, 0.5, 0.5])
+    plant = Plant(FullModel.build(m4, flat_terrain()), thrust_scale=errors.thrust_given(m4))
+    plant.command.thrust[:] = 4.0
+    plant.step()
+    np.testing.assert_allclose(plant.stepper.actuation.thrust, [2.2, 1.8, 2.0, 2.0])
+    with pytest.raises(InvalidSettingError, match="4 factors, one for each thruster"):
+        PlantErrors(thrust_scales=(1.0, 1.0)).thrust_given(m4)
+
+
+def test_the_left_side_may_grip_less(m4):
+    # A robot that slides downhill on its wheels, legs braked: each side's friction is its own normal force times mu.
+    terrain = PlantErrors(friction_scale_left=0.5).applied_to_terrain(incline_terrain(math.radians(45.0)))
+    plant = Plant(FullModel.build(m4, terrain))
+    q = standing_configuration(m4, "ugv")
+    turn = pin.AngleAxis(-math.radians(45.0), np.array([0.0, 1.0, 0.0])).toRotationMatrix()
+    q[:3], q[3:7] = turn @ q[:3], pin.Quaternion(turn).coeffs()
+    plant.reset(q)
+    plant.command.wheel_brake[:] = 100.0
+    for _ in range(100):
+        plant.step()
+    force = plant.stepper.wheel_force_in_world
+    normal = force @ [-math.sqrt(0.5), 0.0, math.sqrt(0.5)]
+    friction = np.linalg.norm(force - np.outer(normal, [-math.sqrt(0.5), 0.0, math.sqrt(0.5)]), axis=1)
+    left = np.array([plant.model.robot.wheels[i].joint.find("left") >= 0 for i in range(4)])
+    dynamic = m4.ground.friction_static * m4.ground.friction_dynamic_fraction
+    assert (normal > 1.0).all()
+    np.testing.assert_allclose(friction[~left] / normal[~left], dynamic, rtol=0.01)
+    np.testing.assert_allclose(friction[left] / normal[left], 0.5 * dynamic, rtol=0.01)
 
 
 ERRORS = {
