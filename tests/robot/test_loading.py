@@ -152,6 +152,17 @@ def test_robot_pickles_in_parts(m4: Robot) -> None:
     assert pickle.loads(pickle.dumps(m4.model)) == m4.model
 
 
+def test_a_robot_travels_light_without_what_is_only_seen(m4: Robot) -> None:
+    light = m4.without_visuals()
+    assert light.visual_model.ngeoms == 0 < m4.visual_model.ngeoms
+    packed = pickle.dumps(light)
+    assert len(packed) < 0.05 * len(pickle.dumps(m4))
+    there = pickle.loads(packed)
+    assert there.model == m4.model
+    assert there.collision_model.ngeoms == m4.collision_model.ngeoms
+    assert there.file_hashes == m4.file_hashes
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
