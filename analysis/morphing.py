@@ -23,14 +23,16 @@ from m4_dynamics.feasibility.curves import map_curves
 from m4_dynamics.feasibility.grid import MapGrid
 from m4_dynamics.feasibility.postures import posture_case, posture_configuration
 from m4_dynamics.feasibility.static import static_map
-from m4_dynamics.reduced.reduction import configuration_on_slope, reduce_robot
-from m4_dynamics.reduced.trim import select_trim
+from m4_dynamics.reduced.reduction import Reduction, configuration_on_slope, reduce_robot
+from m4_dynamics.reduced.trim import Trim, select_trim
+from m4_dynamics.reduced.trim_limits import TrimLimits
 from m4_dynamics.robot.loading import load_robot
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.view.silhouette import outlines_at
 from m4_dynamics.view.style import COLOURS, dress_axes, new_figure, save_figure, title_figure
 
 REAR = ("rear_left_hip_sagittal", "rear_right_hip_sagittal")
+METRES_PER_NEWTON = 0.006
 FRONT = ("front_left_hip_sagittal", "front_right_hip_sagittal")
 
 
@@ -68,25 +70,49 @@ def steepest_slope(robot: Robot, friction: float, rear: float, front: float) -> 
     return math.degrees(float(curves["steepest_slope_best_thrust"].squeeze()))
 
 
-def draw_robot(axes: Axes, robot: Robot, slope: float, rear: float, front: float, title: str) -> None:
-    """Draw the robot standing at its least friction on the slope, seen from the side."""
-    reduction = reduce_robot(robot, configuration=posture_configuration(robot, angles(rear, front)))
-    trim = select_trim(
-        reduction.parameters, slope, limits=reduction.trim_limits(friction_static=5.0), criterion="least-friction"
-    )
+def stand(robot: Robot, slope: float, one: Candidate) -> tuple[Reduction, Trim]:
+    """The robot in a posture, standing where it needs the least friction."""
+    reduction = reduce_robot(robot, configuration=posture_configuration(robot, angles(one.rear, one.front)))
+    limits = reduction.trim_limits(friction_static=5.0)
+    return reduction, select_trim(reduction.parameters, slope, limits=limits, criterion="least-friction")
+
+
+def draw_robot(axes: Axes, robot: Robot, slope: float, one: Candidate, friction: float, title: str) -> None:
+    """Draw the robot on the slope from the side, with CoM, thrust, ground force and friction cone."""
+    reduction, trim = stand(robot, slope, one)
+    pendulum = reduction.parameters
     q = configuration_on_slope(robot, reduction, slope=slope, pitch=trim.pitch)
-    for outline in outlines_at(robot, q):
+    for layer, outline in enumerate(outlines_at(robot, q)):
         for polygon in outline.polygons:
-            axes.add_patch(Polygon(polygon, facecolor=outline.colour, edgecolor=COLOURS["ink"], linewidth=0.5))
-    along = np.array([-0.7, 0.9])
-    axes.plot(along * math.cos(slope), along * math.sin(slope), color=COLOURS["ink"], linewidth=1.5)
-    axes.set_aspect("equal")
-    dress_axes(
-        axes,
-        title=f"{title}: {trim.friction_needed:.2f} needed, {trim.thrust:.0f} N",
-        xlabel="x [m]",
-        ylabel="z [m]",
-    )
+            body = Polygon(polygon, facecolor=outline.colour, edgecolor=COLOURS["ink"], linewidth=0.5, zorder=2 + layer)
+            axes.add_patch(body)
+    ends = np.array([-1.2, 1.2])
+    line = [ends * math.cos(slope), ends * math.sin(slope)]
+    axes.fill_between(*line, -1.5, color=COLOURS["mist"], alpha=0.6, linewidth=0, zorder=0)
+    axes.plot(*line, color=COLOURS["ink"], linewidth=1.5, zorder=1)
+    contact = np.zeros(2)
+    for side in (-1.0, 1.0):
+        edge = slope + math.pi / 2.0 + side * math.atan(friction)
+        axes.plot([0.0, 0.45 * math.cos(edge)], [0.0, 0.45 * math.sin(edge)], "--", color=COLOURS["green"], zorder=90)
+    turn = np.array([[math.cos(trim.pitch), math.sin(trim.pitch)], [-math.sin(trim.pitch), math.cos(trim.pitch)]])
+    axle = pendulum.wheel_radius * np.array([-math.sin(slope), math.cos(slope)])
+    along, normal = np.array([math.cos(slope), math.sin(slope)]), np.array([-math.sin(slope), math.cos(slope)])
+    ground = trim.friction_force * along + trim.normal_force * normal
+    com = axle + pendulum.mass_body / pendulum.mass * (turn @ pendulum.com_in_body)
+    for place, force, colour in (
+        (axle + turn @ pendulum.thrust_point_in_body, trim.thrust * turn[:, 0], "vermilion"),
+        (contact, ground, "green"),
+        (com, pendulum.weight * np.array([0.0, -1.0]), "blue"),
+    ):
+        arrow = {"arrowstyle": "-|>", "color": COLOURS[colour], "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", place + METRES_PER_NEWTON * force, place, arrowprops=arrow, zorder=95)
+    axes.plot(*com, marker="o", markersize=5, color=COLOURS["blue"], zorder=96)
+    axes.set(xlim=(-0.85, 0.25), ylim=(-0.25, 0.8), aspect="equal")
+    colours = f"red: thrust\nblue: weight\ngreen: ground force,\nfriction cone of {friction:g}"
+    axes.text(0.02, 0.02, colours, transform=axes.transAxes, va="bottom", size=8.5, color=COLOURS["slate"])
+    facts = f"{title}: needs {trim.friction_needed:.2f}, thrust {trim.thrust:.0f} N"
+    dress_axes(axes, title=facts, xlabel="x [m]", ylabel="z [m]")
+    axes.grid(False)
 
 
 def main() -> None:
@@ -126,15 +152,25 @@ def main() -> None:
             best = min(best, better, key=lambda one: one.friction)
         rows = [("as described", nominal), ("rear legs alone", rear_alone), ("both pairs of legs", best)]
         steepest = [steepest_slope(robot, options.friction, one.rear, one.front) for _, one in rows]
+        trims = [stand(robot, slope, one)[1] for _, one in rows]
     except M4Error as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
 
-    print(f"{len(tried)} postures; angles in deg, friction needed on {options.slope:g} deg")
-    print(f"posture              rear   front  friction  thrust [N]  steepest slope at {options.friction:g} [deg]")
-    for (name, one), angle in zip(rows, steepest, strict=True):
-        print(f"{name:18}  {one.rear:5.1f}  {one.front:6.1f}  {one.friction:8.3f}  {one.thrust:10.1f}  {angle:10.1f}")
+    print(
+        f"{len(tried)} postures; angles in deg, friction needed on {options.slope:g} deg, clearance of the legs in cm"
+    )
+    print(
+        "posture              rear   front  friction  thrust [N]  pitch  clearance"
+        f"  steepest slope at {options.friction:g} [deg]"
+    )
+    for (name, one), trim, angle in zip(rows, trims, steepest, strict=True):
+        clearance = 100.0 * (trim.margins.clearance + TrimLimits().clearance_min)
+        print(
+            f"{name:18}  {one.rear:5.1f}  {one.front:6.1f}  {trim.friction_needed:8.3f}  {trim.thrust:10.1f}"
+            f"  {math.degrees(trim.pitch):5.1f}  {clearance:9.1f}  {angle:10.1f}"
+        )
 
-    figure = new_figure(width=13.0, height=4.8)
+    figure = new_figure(width=14.0, height=5.2)
     chart, before, after = figure.subplots(1, 3)
     searched = [one for one in tried.values() if math.isfinite(one.friction)]
     shade = chart.scatter(
@@ -145,21 +181,18 @@ def main() -> None:
         s=34,
     )
     collided = [one for one in tried.values() if one.collides]
-    chart.plot(
-        [one.rear for one in collided],
-        [one.front for one in collided],
-        linestyle="",
-        marker="x",
-        markersize=4,
-        color=COLOURS["mist"],
-        zorder=1,
-    )
-    chart.plot(best.rear, best.front, marker="o", markersize=11, fillstyle="none", color=COLOURS["vermilion"])
-    chart.plot(nominal.rear, nominal.front, marker="s", markersize=10, fillstyle="none", color=COLOURS["blue"])
+    for group, marks in (
+        (collided, {"marker": "x", "markersize": 4, "color": COLOURS["slate"], "label": "bodies overlap"}),
+        ([nominal], {"marker": "s", "markersize": 11, "color": COLOURS["blue"], "label": "as described"}),
+        ([best], {"marker": "o", "markersize": 12, "color": COLOURS["vermilion"], "label": "best"}),
+    ):
+        places = [one.rear for one in group], [one.front for one in group]
+        chart.plot(*places, linestyle="", fillstyle="none", markeredgewidth=1.6, **marks)
     figure.colorbar(shade, ax=chart, label="least friction")
-    dress_axes(chart, title="Postures; crosses: bodies overlap", xlabel="rear legs [deg]", ylabel="front legs [deg]")
-    draw_robot(before, robot, slope, nominal.rear, nominal.front, "As described")
-    draw_robot(after, robot, slope, best.rear, best.front, "Best posture")
+    dress_axes(chart, title="Postures", xlabel="rear legs [deg]", ylabel="front legs [deg]")
+    chart.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize=9, frameon=False)
+    draw_robot(before, robot, slope, nominal, options.friction, "As described")
+    draw_robot(after, robot, slope, best, options.friction, "Best posture")
     title_figure(
         figure,
         f"What morphing buys on {options.slope:g}°",

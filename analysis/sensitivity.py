@@ -67,10 +67,18 @@ def main() -> None:
             needed.append(float(curves["least_friction"].sel(slope=REFERENCE_SLOPE, method="nearest")))
             if round(float(scale), 6) in (0.8, 1.0, 1.2):
                 print(f"{name:18}  {scale:5.2f}  {steepest[-1]:20.1f}  {needed[-1]:24.3f}")
+        nominal = steepest[len(SCALES) // 2]
         steepest_axes.plot(SCALES, steepest, color=colour, label=name)
         friction_axes.plot(SCALES, needed, color=colour, label=name)
-    dress_axes(steepest_axes, title="Steepest slope", xlabel="scale [1]", ylabel="slope [deg]")
-    dress_axes(friction_axes, title="Least friction at 60°", xlabel="scale [1]", ylabel="coefficient [1]")
+    dress_axes(
+        steepest_axes,
+        title=f"Steepest slope, as described {nominal:.1f}°",
+        xlabel="scale of the property [1]",
+        ylabel="slope [deg]",
+    )
+    dress_axes(
+        friction_axes, title="Least friction at 60°", xlabel="scale of the property [1]", ylabel="coefficient [1]"
+    )
     steepest_axes.legend(loc="upper center", fontsize=8.5, frameon=False)
     title_figure(
         figure,

@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     job = make_job(robot, grid, settings)
     store = run_sweep_job(args, job)
     dataset = closed_loop_dataset(store, job, command=command_line())
-    replay = ["m4", "map", "replay", str(args.out), *(() if args.robot is None else ("--robot", args.robot))]
+    replay = ["m4", "view", str(args.out), *(() if args.robot is None else ("--robot", args.robot))]
     written = [
         save_map(dataset, args.out / "map.nc"),
         plot_closed_loop(dataset, args.out / "map.png"),

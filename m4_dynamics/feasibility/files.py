@@ -33,8 +33,10 @@ def save_map(dataset: xarray.Dataset, path: Path | str) -> Path:
     encoding: dict[Any, dict[str, Any]] = {
         name: {"zlib": True, "complevel": 1} for name, variable in dataset.data_vars.items() if variable.ndim > 1
     }
+    # In memory first: HDF5 crashes when the disk is full while it closes a file.
+    content = dataset.to_netcdf(engine="h5netcdf", encoding=encoding)
     with replacing(target) as partial:
-        dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
+        partial.write_bytes(content)
     return target
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from m4_dynamics.errors import ResultFileError
 from m4_dynamics.feasibility.job import OnProgress, Place, SweepJob
 from m4_dynamics.feasibility.refinement import refine_boundary
-from m4_dynamics.feasibility.store import SweepStore, create_store, open_store, remove_store
+from m4_dynamics.feasibility.store import SweepStore, create_store, open_store
 from m4_dynamics.feasibility.sweep import open_sweep, run_sweep
 
 __all__ = ["run_job", "settled_answer"]
@@ -50,24 +50,24 @@ def run_job(
             cannot be written.
         SchedulerError, InvalidSettingError: See `open_sweep`.
     """
-    if path.exists() and resume:
-        store = open_store(path, job)
-    else:
-        if path.exists() and not force:
-            raise ResultFileError(f"{path} exists already; go on with --resume, or use --force to replace it")
-        remove_store(path)
-        store = create_store(path, job)
-    records, missing = store.read(), store.missing()
-    done, expected = records[..., 0].size - len(missing), records[..., 0].size
-
-    def report() -> None:
-        if on_progress is not None:
-            on_progress(done, max(expected, done))
-
-    report()
-    if not missing:
-        return store
+    going_on = path.exists() and resume
+    if going_on:
+        there = open_store(path, job)
+        if not there.missing():
+            if on_progress is not None:
+                on_progress(there.size, there.size)
+            return there
+    elif path.exists() and not force:
+        raise ResultFileError(f"{path} exists already; go on with --resume, or use --force to replace it")
+    # The workers first: without them a store that is there is not replaced.
     with open_sweep(job, workers=workers, scheduler=scheduler) as run:
+        store = there if going_on else create_store(path, job, replace=force)
+        records, missing = store.read(), store.missing()
+        done, expected = store.size - len(missing), store.size
+
+        def report() -> None:
+            if on_progress is not None:
+                on_progress(done, max(expected, done))
 
         def write(place: Place, record: _Array) -> None:
             nonlocal done
@@ -79,6 +79,7 @@ def run_job(
         def run_missing(places: Sequence[Place]) -> None:
             run_sweep(run, places, write)
 
+        report()
         if not job.adaptive:
             run_missing(missing)
             return store

@@ -7,6 +7,7 @@ the rollouts that were under way, and a run that resumes does nothing twice.
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from m4_dynamics.errors import ResultFileError
 from m4_dynamics.feasibility.job import Place, SweepJob
 
-__all__ = ["SweepStore", "create_store", "open_store", "remove_store"]
+__all__ = ["SweepStore", "create_store", "open_store"]
 
 _Array = NDArray[np.float64]
 
@@ -46,6 +47,11 @@ class SweepStore:
     def shape(self) -> tuple[int, ...]:
         """Number of values on each axis."""
         return tuple(int(n) for n in self.records.shape[:-1])
+
+    @property
+    def size(self) -> int:
+        """Number of places."""
+        return math.prod(self.shape)
 
     def read(self) -> _Array:
         """All records; NaN where there is none.
@@ -80,12 +86,13 @@ class SweepStore:
             ) from error
 
 
-def create_store(path: Path, job: SweepJob) -> SweepStore:
+def create_store(path: Path, job: SweepJob, *, replace: bool = False) -> SweepStore:
     """Make an empty store; it appears whole or not at all.
 
     Args:
-        path: Its folder, which must not exist.
+        path: Its folder.
         job: What its records will be of.
+        replace: Whether it takes the place of a store that is there; that one goes when the new one is written.
 
     Returns:
         The store.
@@ -96,7 +103,9 @@ def create_store(path: Path, job: SweepJob) -> SweepStore:
     import zarr
 
     if path.exists():
-        raise ResultFileError(f"{path} exists already")
+        if not replace:
+            raise ResultFileError(f"{path} exists already")
+        open_store(path)  # refuses to replace what is no store
     partial = path.with_name(f".{path.name}.partial")
     try:
         shutil.rmtree(partial, ignore_errors=True)
@@ -119,6 +128,8 @@ def create_store(path: Path, job: SweepJob) -> SweepStore:
         records.attrs["fields"] = [
             {"name": name, "units": field.unit, "long_name": field.meaning} for name, field in fields.items()
         ]
+        if path.exists():
+            shutil.rmtree(path)
         partial.rename(path)
     except OSError as error:
         raise ResultFileError(f"cannot make the store {path}: {error.strerror or error}") from error
@@ -164,24 +175,6 @@ def open_store(path: Path, job: SweepJob | None = None) -> SweepStore:
                 "name another folder with --out, or use --force"
             )
     return SweepStore(path, kind, stored, records)
-
-
-def remove_store(path: Path) -> None:
-    """Remove a store, if there is one.
-
-    Args:
-        path: Its folder.
-
-    Raises:
-        ResultFileError: It is something else, or cannot be removed.
-    """
-    if not path.exists():
-        return
-    open_store(path)  # refuses to remove what is no store
-    try:
-        shutil.rmtree(path)
-    except OSError as error:
-        raise ResultFileError(f"cannot remove {path}: {error.strerror or error}") from error
 
 
 def _differences(stored: Any, wanted: Any, name: str = "") -> list[str]:

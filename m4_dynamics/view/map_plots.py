@@ -121,7 +121,8 @@ def plot_static_curves(curves: xarray.Dataset, path: Path | str) -> Path:
         values = np.degrees(one["steepest_slope"].isel(friction=index).to_numpy())
         of_thrust.plot(thrust, values, color=colour, linewidth=1.5, label=f"μₛ {friction[index]:g}")
     dress_axes(of_thrust, title="Steepest slope", xlabel="total thrust [N]", ylabel="slope [deg]")
-    label_lines(of_thrust)
+    # Six frictions do not fit beside the title; the panel of the power has the same colours.
+    of_thrust.legend(loc="upper left", ncols=2, fontsize=8.5, frameon=False)
 
     marker = "o" if len(friction) < 12 else ""
     best = np.degrees(one["steepest_slope_best_thrust"].to_numpy())
@@ -149,9 +150,10 @@ def plot_static_curves(curves: xarray.Dataset, path: Path | str) -> Path:
         color=INK,
         linestyle=(0, (4, 2)),
         linewidth=1.1,
-        label="least friction",
+        label="at the least friction",
     )
     dress_axes(power, title="Least power within all limits", xlabel="slope [deg]", ylabel="power [W]")
+    label_lines(power, leave_out=tuple(f"μₛ {value:g}" for value in friction))
     merit = curves.attrs.get("figure_of_merit", math.nan)
     title(
         figure,

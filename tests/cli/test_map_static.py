@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -44,6 +46,37 @@ def test_a_map_is_overwritten_only_with_force(tmp_path: Path, capsys: pytest.Cap
     assert (tmp_path / "map.nc").read_bytes() == before
     assert main(["map", "static", "--slope", "0:10:5", "--out", str(tmp_path), "--force"]) == 0
     assert load_map(tmp_path).sizes["slope"] == 5
+
+
+#: A disk that takes no more than 2 kB a file.
+FULL_DISK = """
+import resource, sys
+from m4_dynamics.cli.main import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_full_disk_leaves_what_was_there(tmp_path: Path) -> None:
+    assert main(["map", "static", *SMALL, "--out", str(tmp_path)]) == 0
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    command = [
+        sys.executable,
+        "-c",
+        FULL_DISK,
+        "map",
+        "static",
+        "--slope",
+        "0:70:71",
+        "--out",
+        str(tmp_path),
+        "--force",
+    ]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert "cannot write" in ended.stderr
+    assert "Traceback" not in ended.stderr
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_a_robot_without_thrusters(tmp_path: Path) -> None:

@@ -203,6 +203,32 @@ def test_a_full_disk_keeps_what_is_done(m4: Robot, tmp_path: Path, monkeypatch: 
     assert run_job(job, path, resume=True, workers=0).missing() == []
 
 
+def test_a_store_is_replaced_only_by_one_that_is_written_and_has_workers(
+    m4: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import zarr
+
+    grid = MapGrid(slope=[0.1], thrust=[8.0], friction=0.8)
+    path = tmp_path / "map.zarr"
+    before = run_job(make_job(m4, grid, RolloutSettings(plant="mip")), path, workers=0).read()
+    other = make_job(m4, grid, RolloutSettings(plant="mip", seed=1))
+    monkeypatch.setattr("m4_dynamics.feasibility.sweep._CONNECT_TIMEOUT", 0.5)
+    with pytest.raises(SchedulerError):
+        run_job(other, path, force=True, scheduler="tcp://127.0.0.1:9")
+    np.testing.assert_array_equal(open_store(path).read(), before)
+
+    def full(self, *_, **__) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(zarr.Group, "create_array", full)
+        with pytest.raises(ResultFileError, match="No space left"):
+            run_job(other, path, force=True, workers=0)
+    np.testing.assert_array_equal(open_store(path).read(), before)
+    assert run_job(other, path, force=True, workers=0).identity["settings"]["seed"] == 1
+    assert [entry.name for entry in tmp_path.iterdir()] == ["map.zarr"]
+
+
 def test_an_unreachable_scheduler_is_an_error_in_words(
     m4: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
