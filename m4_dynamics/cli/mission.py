@@ -7,6 +7,8 @@ import json
 import shlex
 from pathlib import Path
 
+from m4_dynamics.cli.live_options import add_live_arguments, live_view
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's options."""
@@ -21,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-viewer", action="store_true", help="do not write viewer.html")
     parser.add_argument("--list", action="store_true", help="list the missions that come with the package")
+    add_live_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of tables")
 
 
@@ -58,9 +61,16 @@ def run(args: argparse.Namespace) -> int:
         + (["--robot", args.robot] if args.robot else [])
         + (["--realistic"] if args.realistic else [])
     )
-    with status_line() as report:
+    with status_line() as report, live_view(args, robot) as observer:
         fidelity = Fidelity.realistic() if args.realistic else Fidelity()
-        result = run_mission(robot, mission, fidelity=fidelity, attributes={"command": command}, on_progress=report)
+        result = run_mission(
+            robot,
+            mission,
+            fidelity=fidelity,
+            attributes={"command": command},
+            on_progress=report,
+            observer=observer,
+        )
     summary = result.summary
     written = write_run(
         result.dataset,

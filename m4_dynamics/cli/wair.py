@@ -9,6 +9,8 @@ import shlex
 import sys
 from pathlib import Path
 
+from m4_dynamics.cli.live_options import add_live_arguments, live_view
+
 CONTROLLER_HELP = """\
 default: MPC about the trim with a terminal cost; paper: the paper's MPC (no terminal cost); paper-zero: the same with
 raw inputs in its cost; lqr: saturated LQR of the trim; pid: wheels alone, for
@@ -55,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the sensors' noise (default: 0)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: runs/wair-SLOPE)")
     parser.add_argument("--no-viewer", action="store_true", help="do not write viewer.html")
+    add_live_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of a table")
 
 
@@ -93,8 +96,11 @@ def run(args: argparse.Namespace) -> int:
     folder = args.out if args.out is not None else Path("runs") / f"wair-{args.slope:g}"
     make_folder(folder)
     command = shlex.join(["m4", "wair", *command_words(args)])
-    with progress_bar(f"climbing {args.slope:g} deg", settings.duration, unit="s") as advance:
-        result = run_climb(robot, settings, attributes={"command": command}, on_progress=advance)
+    with (
+        progress_bar(f"climbing {args.slope:g} deg", settings.duration, unit="s") as advance,
+        live_view(args, robot) as observer,
+    ):
+        result = run_climb(robot, settings, attributes={"command": command}, on_progress=advance, observer=observer)
     summary = result.summary
     written = write_run(
         result.dataset,

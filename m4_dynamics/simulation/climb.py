@@ -369,6 +369,7 @@ def run_climb(
     warm_up: bool = True,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[float], None] | None = None,
+    observer: Callable[[Plant], None] | None = None,
 ) -> ClimbResult:
     """Climb a slope on the full model.
 
@@ -382,6 +383,7 @@ def run_climb(
         warm_up: Whether to compile the kernels first, so that the times measured are those of the run alone.
         attributes: Further attributes of the dataset (the command, say).
         on_progress: Called now and then with the simulated time [s].
+        observer: Called after every control period with the plant; the times measured are those without it.
 
     Returns:
         Summary and trajectory; where no equilibrium exists, the summary alone, with the verdict "infeasible".
@@ -411,9 +413,10 @@ def run_climb(
         )
         return ClimbResult(summary, None)
     warm_up_time = _warm_up(robot, settings) if warm_up else None
+    climb.recorder.observer = observer
     started = time.perf_counter()
     ended = _simulate(climb, on_progress)
-    elapsed = time.perf_counter() - started
+    elapsed = time.perf_counter() - started - climb.recorder.observer_seconds
     if climb.recorder.count == 0:
         raise M4Error("the run was interrupted before its first sample; nothing to keep")
     trim, counters = climb.trim, climb.plant.stepper.counters

@@ -146,9 +146,14 @@ def _ground(dataset: xarray.Dataset) -> list[Panel]:
     if "slip_speed" in dataset:
         slip = 1e3 * _array(dataset["slip_speed"]).max(axis=1)
         panels.append(
-            Panel("Slip", "mm/s", (Curve("fastest wheel", slip),), "Largest sliding speed of any wheel's contact point.",
-                  limits=((5.0, "slips"),))
-        )  # fmt: skip
+            Panel(
+                "Slip",
+                "mm/s",
+                (Curve("fastest wheel", slip),),
+                "Largest sliding speed of any wheel's contact point.",
+                limits=((5.0, "slips"),),
+            )
+        )
     return panels
 
 

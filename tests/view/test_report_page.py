@@ -114,7 +114,7 @@ def test_plots_replay_and_links_between_them(
     replay.wait_for_function("() => viewer.animator.time > 0.05")
     picture = np.asarray(Image.open(io.BytesIO(page.locator("#stage").screenshot())).convert("RGB"))
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 200
-    page.wait_for_function("cursor > 0.05")  # which the playing replay has moved
+    page.wait_for_function("() => cursor > 0.05")  # which the playing replay has moved
     replay.evaluate("animator.pause()")
     pitch.locator("svg").focus()
     page.keyboard.press("End")
