@@ -41,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from m4_dynamics.simulation.fidelity import Fidelity
     from m4_dynamics.view.mission_tables import mission_table, missions_table
     from m4_dynamics.view.progress import status_line
+    from m4_dynamics.view.report import mission_figures
     from m4_dynamics.view.tables import make_console, print_note, print_tables
 
     console = make_console()
@@ -60,8 +61,16 @@ def run(args: argparse.Namespace) -> int:
     with status_line() as report:
         fidelity = Fidelity.realistic() if args.realistic else Fidelity()
         result = run_mission(robot, mission, fidelity=fidelity, attributes={"command": command}, on_progress=report)
-    written = write_run(result.dataset, result.summary.as_dict(), robot, folder, with_viewer=not args.no_viewer)
     summary = result.summary
+    written = write_run(
+        result.dataset,
+        summary.as_dict(),
+        robot,
+        folder,
+        with_viewer=not args.no_viewer,
+        table=mission_figures(summary),
+        command=command,
+    )
     if args.json:
         print(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
     else:

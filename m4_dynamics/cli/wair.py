@@ -75,6 +75,7 @@ def run(args: argparse.Namespace) -> int:
     from m4_dynamics.simulation.verdict import Verdict
     from m4_dynamics.view.climb_tables import climb_table
     from m4_dynamics.view.progress import progress_bar
+    from m4_dynamics.view.report import climb_figures
     from m4_dynamics.view.tables import make_console, print_note, print_tables
 
     robot = load_robot(args.robot)
@@ -95,7 +96,15 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(f"climbing {args.slope:g} deg", settings.duration, unit="s") as advance:
         result = run_climb(robot, settings, attributes={"command": command}, on_progress=advance)
     summary = result.summary
-    written = write_run(result.dataset, summary.as_dict(), robot, folder, with_viewer=not args.no_viewer)
+    written = write_run(
+        result.dataset,
+        summary.as_dict(),
+        robot,
+        folder,
+        with_viewer=not args.no_viewer,
+        table=climb_figures(summary),
+        command=command,
+    )
     if args.json:
         print(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
     else:

@@ -9,7 +9,7 @@ import pytest
 from m4_dynamics.cli.main import main
 from m4_dynamics.simulation.trajectory import load_trajectory
 
-RESULTS = {"trajectory.nc", "summary.json", "states.png", "ground_forces.png", "viewer.html"}
+RESULTS = {"trajectory.nc", "summary.json", "states.png", "ground_forces.png", "viewer.html", "report.html"}
 
 
 @pytest.fixture(scope="module")
