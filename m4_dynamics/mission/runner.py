@@ -195,7 +195,7 @@ def run_mission(
                 phase.controller if isinstance(phase, BalancePhase) else "none" for phase in mission.phases
             ]
             + (["none"] if failure is not None else []),
-            "slope_deg": math.degrees(mission.terrain.slope),
+            "slope_deg": round(math.degrees(mission.terrain.slope), 9),
             "controller": ", ".join(sorted(controllers)),
             "thrust_limit_N": situation.reduction.thrust_max,
             **(attributes or {}),

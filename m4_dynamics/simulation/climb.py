@@ -407,7 +407,7 @@ def run_climb(
         summary = ClimbSummary(
             verdict=Verdict.INFEASIBLE.value,
             reason=str(error),
-            slope_deg=math.degrees(settings.slope),
+            slope_deg=round(math.degrees(settings.slope), 9),
             friction_static=friction,
             **context,
         )
@@ -424,7 +424,7 @@ def run_climb(
         climb.recorder,
         climb.reduction,
         attributes={
-            "slope_deg": math.degrees(settings.slope),
+            "slope_deg": round(math.degrees(settings.slope), 9),
             "controller": settings.controller,
             "thrust_limit_N": climb.reduction.thrust_max,
             **(attributes or {}),
