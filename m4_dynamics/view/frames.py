@@ -97,7 +97,17 @@ def sample_frames(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: f
 def thrusts_in_world(
     robot: Robot, configuration: NDArray[np.float64], thrusts: dict[str, NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
-    """Centre of mass, and point and force of every thruster, in the world along the configurations."""
+    """Centre of mass, and point and force of every thruster, in the world along the configurations.
+
+    Args:
+        robot: The robot.
+        configuration: Shape (n, nq).
+        thrusts: Thruster's frame -> its thrust, shape (n,) [N].
+
+    Returns:
+        Centre of mass, shape (n, 3) [m]; frame -> point of application, shape (n, 3) [m]; frame -> force on the robot,
+        shape (n, 3) [N].
+    """
     data = robot.model.createData()
     thrusters = [robot.thruster(frame) for frame in thrusts]
     com = np.empty((len(configuration), 3))
