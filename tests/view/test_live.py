@@ -72,7 +72,8 @@ def test_pixels_move_while_it_runs_and_the_run_stays_the_same(
     assert live.summary.verdict == "climbed"
     assert live.dataset is not None
     for name in set(plain.data_vars) - {"control_time"}:
-        np.testing.assert_array_equal(live.dataset[name].values, plain[name].values, err_msg=str(name))
+        # The optimiser repeats to rounding, whether somebody watches or not.
+        np.testing.assert_allclose(live.dataset[name].values, plain[name].values, atol=1e-6, err_msg=str(name))
     assert live.summary.real_time_factor is not None
     assert live.summary.real_time_factor > 2.0  # the simulation's own, not the show's
 
