@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import nbformat
+import pytest
 from nbclient import NotebookClient
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -20,7 +21,9 @@ def test_it_is_kept_without_outputs() -> None:
             assert cell.execution_count is None
 
 
-def test_it_runs_and_climbs() -> None:
+def test_it_runs_and_climbs(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A notebook's own way to draw, whatever the tests' is.
+    monkeypatch.delenv("MPLBACKEND", raising=False)
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(ROOT)}}).execute()
     printed = "".join(
