@@ -54,8 +54,8 @@ lock: $(UV)  ## resolve the dependencies anew into requirements/*.txt
 	$(UV_LOCK) --upgrade pyproject.toml --extra build --extra test --extra peers \
 		--constraints requirements/core.txt --output-file requirements/test.txt
 
-clean:  ## remove .venv, .tools, runs and every cache
-	rm -rf .venv .tools runs build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+clean:  ## remove .venv, .tools, runs, artifacts and every cache
+	rm -rf .venv .tools runs artifacts build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 check-python:

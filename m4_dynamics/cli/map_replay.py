@@ -95,8 +95,10 @@ def run(args: argparse.Namespace) -> int:
         M4Error: There is no such map or cell, the robot is another one, or the cell has no equilibrium to start from.
     """
     from m4_dynamics.cli.main import EXIT_OK
+    from m4_dynamics.cli.map_options import command_line
     from m4_dynamics.cli.results import make_folder, write_run
     from m4_dynamics.view.climb_tables import climb_table
+    from m4_dynamics.view.report import climb_figures
     from m4_dynamics.view.tables import make_console, print_note, print_tables
 
     cell = simulate_cell(
@@ -105,7 +107,15 @@ def run(args: argparse.Namespace) -> int:
     summary = cell.result.summary
     folder = args.out if args.out is not None else args.map / cell.folder_name
     make_folder(folder)
-    written = write_run(cell.result.dataset, summary.as_dict(), cell.robot, folder, with_viewer=True)
+    written = write_run(
+        cell.result.dataset,
+        summary.as_dict(),
+        cell.robot,
+        folder,
+        with_viewer=True,
+        table=climb_figures(summary),
+        command=command_line(),
+    )
     console = make_console()
     print_tables(console, [climb_table(summary)])
     print_note(console, cell.place)

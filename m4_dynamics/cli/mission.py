@@ -7,6 +7,8 @@ import json
 import shlex
 from pathlib import Path
 
+from m4_dynamics.cli.live_options import add_live_arguments, live_view
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's options."""
@@ -21,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-viewer", action="store_true", help="do not write viewer.html")
     parser.add_argument("--list", action="store_true", help="list the missions that come with the package")
+    add_live_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of tables")
 
 
@@ -41,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
     from m4_dynamics.simulation.fidelity import Fidelity
     from m4_dynamics.view.mission_tables import mission_table, missions_table
     from m4_dynamics.view.progress import status_line
+    from m4_dynamics.view.report import mission_figures
     from m4_dynamics.view.tables import make_console, print_note, print_tables
 
     console = make_console()
@@ -57,11 +61,26 @@ def run(args: argparse.Namespace) -> int:
         + (["--robot", args.robot] if args.robot else [])
         + (["--realistic"] if args.realistic else [])
     )
-    with status_line() as report:
+    with status_line() as report, live_view(args, robot) as observer:
         fidelity = Fidelity.realistic() if args.realistic else Fidelity()
-        result = run_mission(robot, mission, fidelity=fidelity, attributes={"command": command}, on_progress=report)
-    written = write_run(result.dataset, result.summary.as_dict(), robot, folder, with_viewer=not args.no_viewer)
+        result = run_mission(
+            robot,
+            mission,
+            fidelity=fidelity,
+            attributes={"command": command},
+            on_progress=report,
+            observer=observer,
+        )
     summary = result.summary
+    written = write_run(
+        result.dataset,
+        summary.as_dict(),
+        robot,
+        folder,
+        with_viewer=not args.no_viewer,
+        table=mission_figures(summary),
+        command=command,
+    )
     if args.json:
         print(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
     else:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import xarray
 
     from m4_dynamics.robot.robot import Robot
+    from m4_dynamics.view.report import FigureTable
 
 __all__ = ["make_folder", "write_run"]
 
@@ -33,16 +34,25 @@ def make_folder(folder: Path) -> None:
 
 
 def write_run(
-    dataset: xarray.Dataset | None, summary: Mapping[str, Any], robot: Robot, folder: Path, *, with_viewer: bool
+    dataset: xarray.Dataset | None,
+    summary: Mapping[str, Any],
+    robot: Robot,
+    folder: Path,
+    *,
+    with_viewer: bool,
+    table: FigureTable,
+    command: str,
 ) -> list[Path]:
-    """Write trajectory, plots, replay and summary.
+    """Write trajectory, plots, replay, report and summary.
 
     Args:
         dataset: The trajectory; None when nothing was simulated.
         summary: Plain values.
         robot: The robot.
         folder: Where to; it exists.
-        with_viewer: Whether to write viewer.html.
+        with_viewer: Whether to write viewer.html, and to embed it in the report.
+        table: The figures, for the report.
+        command: The command line that made the run, for the report.
 
     Returns:
         The files written.
@@ -50,19 +60,30 @@ def write_run(
     Raises:
         ResultFileError: A file cannot be written.
     """
-    from m4_dynamics.output import replacing
     from m4_dynamics.simulation.trajectory import save_trajectory
     from m4_dynamics.view.plots import plot_ground_forces, plot_states
-    from m4_dynamics.view.replay import write_replay_html
+    from m4_dynamics.view.replay import replay_html
+    from m4_dynamics.view.report import report_html
 
     written = []
+    replay = None
     if dataset is not None:
         written.append(save_trajectory(dataset, folder / "trajectory.nc"))
         written.append(plot_states(dataset, folder / "states.png"))
         written.append(plot_ground_forces(dataset, folder / "ground_forces.png"))
         if with_viewer:
-            written.append(write_replay_html(dataset, robot, folder / "viewer.html"))
-    with replacing(folder / "summary.json") as partial:
-        partial.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    written.append(folder / "summary.json")
+            replay = replay_html(dataset, robot)
+            written.append(_write_text(folder / "viewer.html", replay))
+    report = report_html(dataset, summary, robot, table=table, command=command, replay=replay)
+    written.append(_write_text(folder / "report.html", report))
+    text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+    written.append(_write_text(folder / "summary.json", text))
     return written
+
+
+def _write_text(path: Path, text: str) -> Path:
+    from m4_dynamics.output import replacing
+
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+    return path

@@ -62,10 +62,10 @@ def run(args: argparse.Namespace) -> int:
         print(f"written: {args.html}")
         return EXIT_OK
     server = PageServer(page, host=args.host, port=args.port)
-    print(f"{server.url} (Ctrl-C ends it)", flush=True)
-    if not args.no_browser and can_open_browser():
-        open_browser(server.url)
     try:
+        print(f"{server.url} (Ctrl-C ends it)", flush=True)
+        if not args.no_browser and can_open_browser():
+            open_browser(server.url)
         server.run()
     except KeyboardInterrupt:
         print(file=sys.stderr)

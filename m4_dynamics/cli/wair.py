@@ -9,6 +9,8 @@ import shlex
 import sys
 from pathlib import Path
 
+from m4_dynamics.cli.live_options import add_live_arguments, live_view
+
 CONTROLLER_HELP = """\
 default: MPC about the trim with a terminal cost; paper: the paper's MPC (no terminal cost); paper-zero: the same with
 raw inputs in its cost; lqr: saturated LQR of the trim; pid: wheels alone, for
@@ -55,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the sensors' noise (default: 0)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: runs/wair-SLOPE)")
     parser.add_argument("--no-viewer", action="store_true", help="do not write viewer.html")
+    add_live_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of a table")
 
 
@@ -75,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from m4_dynamics.simulation.verdict import Verdict
     from m4_dynamics.view.climb_tables import climb_table
     from m4_dynamics.view.progress import progress_bar
+    from m4_dynamics.view.report import climb_figures
     from m4_dynamics.view.tables import make_console, print_note, print_tables
 
     robot = load_robot(args.robot)
@@ -92,10 +96,21 @@ def run(args: argparse.Namespace) -> int:
     folder = args.out if args.out is not None else Path("runs") / f"wair-{args.slope:g}"
     make_folder(folder)
     command = shlex.join(["m4", "wair", *command_words(args)])
-    with progress_bar(f"climbing {args.slope:g} deg", settings.duration, unit="s") as advance:
-        result = run_climb(robot, settings, attributes={"command": command}, on_progress=advance)
+    with (
+        progress_bar(f"climbing {args.slope:g} deg", settings.duration, unit="s") as advance,
+        live_view(args, robot) as observer,
+    ):
+        result = run_climb(robot, settings, attributes={"command": command}, on_progress=advance, observer=observer)
     summary = result.summary
-    written = write_run(result.dataset, summary.as_dict(), robot, folder, with_viewer=not args.no_viewer)
+    written = write_run(
+        result.dataset,
+        summary.as_dict(),
+        robot,
+        folder,
+        with_viewer=not args.no_viewer,
+        table=climb_figures(summary),
+        command=command,
+    )
     if args.json:
         print(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
     else:

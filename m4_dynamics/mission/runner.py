@@ -140,6 +140,7 @@ def run_mission(
     plant_errors: PlantErrors | None = None,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[str, float], None] | None = None,
+    observer: Callable[[Plant], None] | None = None,
 ) -> MissionResult:
     """Run a mission on the full model.
 
@@ -153,6 +154,7 @@ def run_mission(
         plant_errors: How the simulated robot differs from the one that the controllers know; None is not at all.
         attributes: Further attributes of the dataset.
         on_progress: Called before each phase with its name and the simulated time [s].
+        observer: Called after every control period with the plant; the times measured are those without it.
 
     Returns:
         Summary and trajectory.
@@ -163,6 +165,7 @@ def run_mission(
     """
     situation = prepare_mission(robot, mission, fidelity=fidelity, plant_errors=plant_errors)
     recorder = situation.recorder
+    recorder.observer = observer
     outcomes: list[PhaseOutcome] = []
     failure: str | None = None
     started = perf_counter()
@@ -178,7 +181,7 @@ def run_mission(
     if failure is not None and "interrupted" not in failure:
         recorder.current_phase = len(mission.phases)
         _make_safe(situation)
-    elapsed = perf_counter() - started
+    elapsed = perf_counter() - started - recorder.observer_seconds
     controllers = {phase.controller for phase in mission.phases if isinstance(phase, BalancePhase)}
     dataset = build_trajectory(
         recorder,
@@ -192,7 +195,7 @@ def run_mission(
                 phase.controller if isinstance(phase, BalancePhase) else "none" for phase in mission.phases
             ]
             + (["none"] if failure is not None else []),
-            "slope_deg": math.degrees(mission.terrain.slope),
+            "slope_deg": round(math.degrees(mission.terrain.slope), 9),
             "controller": ", ".join(sorted(controllers)),
             "thrust_limit_N": situation.reduction.thrust_max,
             **(attributes or {}),

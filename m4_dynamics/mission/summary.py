@@ -138,7 +138,7 @@ def summarise_mission(
         verdict=verdict,
         reason=reason,
         mission=mission.name,
-        slope_deg=math.degrees(mission.terrain.slope),
+        slope_deg=round(math.degrees(mission.terrain.slope), 9),
         friction_static=float(dataset.attrs["friction_static"]),
         duration_s=float(dataset.time[-1]) if dataset.sizes["time"] else 0.0,
         travel_max_m=float(dataset.travel.max()),

@@ -13,7 +13,7 @@ from pathlib import Path
 import pinocchio as pin
 from lxml import etree
 
-from m4_dynamics.robot.finding import Finding, has_errors
+from m4_dynamics.robot.finding import Finding, Severity, has_errors
 from m4_dynamics.robot.inertia import model_inertia_findings
 from m4_dynamics.robot.urdf_masses import mass_findings
 from m4_dynamics.robot.urdf_syntax import Element, element_findings, end_of_joint, location, numbers_of
@@ -149,13 +149,16 @@ def _joint_findings(joint: Element, joints: list[Element]) -> list[Finding]:
 def _mesh_findings(links: list[Element], path: Path) -> list[Finding]:
     findings = []
     missing: set[str] = set()
-    for link in links:
-        for mesh in link.iter("mesh"):
-            name = mesh.get("filename")
-            if name and name not in missing and not _mesh_exists(name, path):
-                missing.add(name)
-                hint = "put the file there, or mend the path; package:// starts from a folder above the URDF"
-                findings.append(Finding("error", location(link), f"mesh '{name}' is not to be found", hint))
+    hint = "put the file there, or mend the path; package:// starts from a folder above the URDF"
+    # What collides must be there; without what is only seen, the robot is shown by what collides.
+    levels: tuple[tuple[str, Severity], ...] = (("collision", "error"), ("visual", "warning"))
+    for kind, level in levels:
+        for link in links:
+            for mesh in (mesh for shape in link.iter(kind) for mesh in shape.iter("mesh")):
+                name = mesh.get("filename")
+                if name and name not in missing and not _mesh_exists(name, path):
+                    missing.add(name)
+                    findings.append(Finding(level, location(link), f"{kind} mesh '{name}' is not to be found", hint))
     return findings
 
 

@@ -172,16 +172,28 @@ def _read_urdf(urdf: Path) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryMo
     try:
         model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
         meshes = coal.CachedMeshLoader(coal.NODE_TYPE.BV_OBBRSS)  # reads a mesh once, however many bodies share it
-        collision_model, visual_model = (
-            pin.buildGeomFromUrdf(model, str(urdf), kind, None, package_dirs, meshes)
-            for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL)
+        collision_model = pin.buildGeomFromUrdf(
+            model, str(urdf), pin.GeometryType.COLLISION, None, package_dirs, meshes
         )
     except (ValueError, RuntimeError) as error:
-        from m4_dynamics.robot.diagnosis import diagnose_urdf
-
-        raise InvalidUrdfError(urdf, diagnose_urdf(urdf), f"not a usable URDF ({error})") from error
+        raise _refused(urdf, error) from error
+    try:
+        visual_model = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.VISUAL, None, package_dirs, meshes)
+    except (ValueError, RuntimeError) as error:
+        # Motion does not need what is only seen; `m4 inspect` warns of it, and what collides is seen instead.
+        refusal = _refused(urdf, error)
+        missing = any(finding.what.startswith("visual mesh") for finding in refusal.findings)
+        if has_errors(refusal.findings) or not missing:
+            raise refusal from error
+        visual_model = collision_model.copy()
     _check_masses(model, urdf)
     return model, collision_model, visual_model
+
+
+def _refused(urdf: Path, error: Exception) -> InvalidUrdfError:
+    from m4_dynamics.robot.diagnosis import diagnose_urdf
+
+    return InvalidUrdfError(urdf, diagnose_urdf(urdf), f"not a usable URDF ({error})")
 
 
 def _check_masses(model: pin.Model, urdf: Path) -> None:

@@ -369,6 +369,7 @@ def run_climb(
     warm_up: bool = True,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[float], None] | None = None,
+    observer: Callable[[Plant], None] | None = None,
 ) -> ClimbResult:
     """Climb a slope on the full model.
 
@@ -382,6 +383,7 @@ def run_climb(
         warm_up: Whether to compile the kernels first, so that the times measured are those of the run alone.
         attributes: Further attributes of the dataset (the command, say).
         on_progress: Called now and then with the simulated time [s].
+        observer: Called after every control period with the plant; the times measured are those without it.
 
     Returns:
         Summary and trajectory; where no equilibrium exists, the summary alone, with the verdict "infeasible".
@@ -405,15 +407,16 @@ def run_climb(
         summary = ClimbSummary(
             verdict=Verdict.INFEASIBLE.value,
             reason=str(error),
-            slope_deg=math.degrees(settings.slope),
+            slope_deg=round(math.degrees(settings.slope), 9),
             friction_static=friction,
             **context,
         )
         return ClimbResult(summary, None)
     warm_up_time = _warm_up(robot, settings) if warm_up else None
+    climb.recorder.observer = observer
     started = time.perf_counter()
     ended = _simulate(climb, on_progress)
-    elapsed = time.perf_counter() - started
+    elapsed = time.perf_counter() - started - climb.recorder.observer_seconds
     if climb.recorder.count == 0:
         raise M4Error("the run was interrupted before its first sample; nothing to keep")
     trim, counters = climb.trim, climb.plant.stepper.counters
@@ -421,7 +424,7 @@ def run_climb(
         climb.recorder,
         climb.reduction,
         attributes={
-            "slope_deg": math.degrees(settings.slope),
+            "slope_deg": round(math.degrees(settings.slope), 9),
             "controller": settings.controller,
             "thrust_limit_N": climb.reduction.thrust_max,
             **(attributes or {}),

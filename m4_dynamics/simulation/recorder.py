@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +33,14 @@ class Recorder:
             and `wheel_duty` are what acts at the period's end, not what was commanded. `battery` holds voltage [V],
             current [A] and charge; it has no rows when the supply is ideal. References are NaN where nothing was
             followed.
+        observer: Called after every row with the plant, which it must leave as it is; a live view, say.
+        observer_seconds: Wall-clock time that the observer took; it is no part of the simulation's.
     """
 
     plant: Plant
     capacity: int
+    observer: Callable[[Plant], None] | None = None
+    observer_seconds: float = field(init=False, default=0.0)
     count: int = field(init=False, default=0)
     current_phase: int = field(init=False, default=0)
     time: Array = field(init=False)
@@ -118,3 +124,9 @@ class Recorder:
         if len(self.battery):
             self.battery[k] = self.plant.battery
         self.count = k + 1
+        if self.observer is not None:
+            started = perf_counter()
+            try:
+                self.observer(self.plant)
+            finally:
+                self.observer_seconds += perf_counter() - started

@@ -203,6 +203,7 @@ def build_trajectory(
         "status": (("time",), diagnostics[:, 2], "1", "status of the control step (control.ControlStatus)"),
         "iterations": (("time",), diagnostics[:, 3], "1", "iterations of the optimiser"),
         "fallback": (("time",), diagnostics[:, 4], "1", "1 where the inputs come from the fallback"),
+        "control_time": (("time",), recorder.control_seconds[:n], "s", "wall-clock time that the controller took"),
         "tracking_cost": (("time",), np.einsum("ki,i,ki->k", error, TRACKING_WEIGHTS, error), "1",
                           "e^T Q e of the true state with the paper's Q"),
         "axle_position_in_world": (("time", xyz), motion.axle_in_world, "m", "middle of the axle"),

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from m4_dynamics.simulation.verdict import ClimbSummary
 
-__all__ = ["climb_table"]
+__all__ = ["climb_rows", "climb_table", "climb_title"]
 
 
 def climb_table(summary: ClimbSummary) -> Table:
@@ -23,9 +23,22 @@ def climb_table(summary: ClimbSummary) -> Table:
     Returns:
         The table; figures that do not exist are dashes.
     """
+    return make_table(climb_title(summary), ("figure", "value", "unit", "limit"), climb_rows(summary))
+
+
+def climb_title(summary: ClimbSummary) -> str:
+    """What was climbed, on what, with which controller."""
+    plant = ", realistic plant" if summary.fidelity else ""
+    return (
+        f"Climb of {summary.slope_deg:g} deg, mu_s {summary.friction_static:g}, controller {summary.controller}{plant}"
+    )
+
+
+def climb_rows(summary: ClimbSummary) -> list[tuple[str, object, str, str]]:
+    """A climb's figures as (name, value, unit, limit); an empty limit is none."""
     s = summary
     times = s.mpc_step_us
-    rows: list[tuple[str, object, str, str]] = [
+    return [
         ("verdict", s.verdict, "", ""),
         ("trim pitch", s.trim_pitch_deg, "deg", ""),
         ("trim thrust", s.trim_thrust_N, "N", ""),
@@ -53,9 +66,6 @@ def climb_table(summary: ClimbSummary) -> Table:
         ("control step, median / 99 %", f"{times.median:.0f} / {times.p99:.0f}" if times else None, "us", ""),
         ("real-time factor", s.real_time_factor, "", ">= 25"),
     ]
-    plant = ", realistic plant" if s.fidelity else ""
-    title = f"Climb of {s.slope_deg:g} deg, mu_s {s.friction_static:g}, controller {s.controller}{plant}"
-    return make_table(title, ("figure", "value", "unit", "limit"), rows)
 
 
 def _imperfections(summary: ClimbSummary) -> list[tuple[str, object, str, str]]:

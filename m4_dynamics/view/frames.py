@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from m4_dynamics.errors import InvalidSettingError, ResultFileError, require_finite
 from m4_dynamics.robot.robot import Robot
 
-__all__ = ["Frames", "sample_frames"]
+__all__ = ["Frames", "sample_frames", "thrusts_in_world"]
 
 _NEEDED = ("configuration", "thrust", "contact_force_in_world", "contact_position_in_world", "terrain_x", "terrain_z")
 
@@ -82,7 +82,7 @@ def sample_frames(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: f
     wheels = [str(name) for name in dataset["wheel"].values]
     thrust = linear(dataset["thrust"].values)
     thrusts = {str(name): thrust[:, index] for index, name in enumerate(dataset["thruster"].values)}
-    com, thrust_position, thrust_force = _follow(robot, configuration, thrusts)
+    com, thrust_position, thrust_force = thrusts_in_world(robot, configuration, thrusts)
     return Frames(
         time=instants,
         configuration=configuration,
@@ -94,10 +94,20 @@ def sample_frames(dataset: xarray.Dataset, robot: Robot, *, frames_per_second: f
     )
 
 
-def _follow(
+def thrusts_in_world(
     robot: Robot, configuration: NDArray[np.float64], thrusts: dict[str, NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
-    """Centre of mass, and point and force of every thruster, in the world along the configurations."""
+    """Centre of mass, and point and force of every thruster, in the world along the configurations.
+
+    Args:
+        robot: The robot.
+        configuration: Shape (n, nq).
+        thrusts: Thruster's frame -> its thrust, shape (n,) [N].
+
+    Returns:
+        Centre of mass, shape (n, 3) [m]; frame -> point of application, shape (n, 3) [m]; frame -> force on the robot,
+        shape (n, 3) [N].
+    """
     data = robot.model.createData()
     thrusters = [robot.thruster(frame) for frame in thrusts]
     com = np.empty((len(configuration), 3))

@@ -30,7 +30,7 @@ def ghost_commands(path: str, colour: str, robot: Robot, reduction: Reduction) -
     Returns:
         The commands.
     """
-    commands = robot_commands(robot, root=path, material=Material(colour=colour, opacity=_OPACITY))
+    commands = robot_commands(robot, root=path, material=Material(colour=colour, opacity=_OPACITY, yields=True))
     objects = [command["path"] for command in commands if command["type"] == "set_object"]
     commands += [set_property(f"{one}/<object>", "castShadow", False) for one in objects]
     data = robot.model.createData()

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from m4_dynamics.mission.schema import Mission
     from m4_dynamics.mission.summary import MissionSummary
 
-__all__ = ["mission_table", "missions_table"]
+__all__ = ["mission_columns", "mission_rows", "mission_table", "mission_title", "missions_table"]
 
 
 def mission_table(summary: MissionSummary) -> Table:
@@ -25,7 +25,38 @@ def mission_table(summary: MissionSummary) -> Table:
     Returns:
         The table.
     """
-    rows = [
+    return make_table(mission_title(summary), mission_columns(), mission_rows(summary))
+
+
+def mission_title(summary: MissionSummary) -> str:
+    """Which mission, where, how fast it was simulated."""
+    return (
+        f"Mission {summary.mission}: slope {summary.slope_deg:g} deg, mu_s {summary.friction_static:g}, "
+        f"real-time factor {summary.real_time_factor:.0f}"
+    )
+
+
+def mission_columns() -> tuple[str, ...]:
+    """Headings of a mission's figures."""
+    return (
+        "phase",
+        "kind",
+        "time s",
+        "ended",
+        "thrust N",
+        "margin N",
+        "slip ms",
+        "at corners ms",
+        "friction use",
+        "wheel cm",
+        "pitch deg",
+        "force model %",
+    )
+
+
+def mission_rows(summary: MissionSummary) -> list[tuple[object, ...]]:
+    """Figures of each phase, in the order of `mission_columns`."""
+    return [
         (
             figures.name,
             figures.kind,
@@ -42,25 +73,6 @@ def mission_table(summary: MissionSummary) -> Table:
         )
         for figures in summary.phases
     ]
-    columns = (
-        "phase",
-        "kind",
-        "time s",
-        "ended",
-        "thrust N",
-        "margin N",
-        "slip ms",
-        "at corners ms",
-        "friction use",
-        "wheel cm",
-        "pitch deg",
-        "force model %",
-    )
-    title = (
-        f"Mission {summary.mission}: slope {summary.slope_deg:g} deg, mu_s {summary.friction_static:g}, "
-        f"real-time factor {summary.real_time_factor:.0f}"
-    )
-    return make_table(title, columns, rows)
 
 
 def missions_table(missions: Sequence[Mission]) -> Table:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from m4_dynamics.errors import ResultFileError
 from m4_dynamics.view.three import Command, pack_in_parts
 
-__all__ = ["camera_facts", "offline_page", "rounded"]
+__all__ = ["camera_facts", "offline_page", "rounded", "viewer_program"]
 
 # Nothing may be fetched from anywhere; what runs is in the page.
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -49,7 +49,7 @@ def offline_page(*, title: str, commands: Sequence[Command], facts: dict[str, An
     parts = [base64.b64encode(part).decode("ascii") for part in numbers]
     content = {"parts": parts, "commands": packed, **facts}
     data = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    program, licences = _viewer_program()
+    program, licences = viewer_program()
     return Template(folder.joinpath("replay.html").read_text(encoding="utf-8")).substitute(
         title=html.escape(title),
         policy=_POLICY,
@@ -94,7 +94,7 @@ def rounded(values: ArrayLike, digits: int) -> list[float | None]:
     ]
 
 
-def _viewer_program() -> tuple[str, str]:
+def viewer_program() -> tuple[str, str]:
     """The text of meshcat's viewer and its licences; the package is found without importing it, which is slow."""
     package = importlib.util.find_spec("meshcat")
     if package is None or not package.submodule_search_locations:

@@ -79,7 +79,12 @@ def cell(value: object) -> str:
 def print_tables(console: Console, tables: Iterable[Table]) -> None:
     """Print tables one below the other, a blank line after each."""
     for table in tables:
+        # A title within the table would be broken at the width of its columns.
+        title, table.title = table.title, None
+        if title is not None:
+            console.print(title, soft_wrap=not console.is_terminal)
         console.print(table)
+        table.title = title
         console.print()
 
 

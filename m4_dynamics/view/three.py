@@ -72,6 +72,7 @@ class Material:
         flat: Faces are shaded as planes rather than smoothed.
         vertex_colours: The shape's vertices carry colours.
         see_through: Hides nothing behind it and shows no light and shade, like coloured air.
+        yields: Gives way where it lies in the very surface of something else.
     """
 
     colour: str = "#808080"
@@ -80,6 +81,7 @@ class Material:
     flat: bool = False
     vertex_colours: bool = False
     see_through: bool = False
+    yields: bool = False
 
     def lower(self, identifier: str) -> dict[str, Any]:
         """The material as three.js reads it, under an identifier."""
@@ -96,6 +98,9 @@ class Material:
             "opacity": self.opacity,
             "depthTest": not self.in_front,
             "depthWrite": not (self.in_front or self.see_through),
+            "polygonOffset": self.yields,
+            "polygonOffsetFactor": 2.0 if self.yields else 0.0,
+            "polygonOffsetUnits": 4.0 if self.yields else 0.0,
             "flatShading": self.flat,
             "vertexColors": self.vertex_colours,
         }

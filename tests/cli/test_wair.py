@@ -9,7 +9,7 @@ import pytest
 from m4_dynamics.cli.main import main
 from m4_dynamics.simulation.trajectory import load_trajectory
 
-RESULTS = {"trajectory.nc", "summary.json", "states.png", "ground_forces.png", "viewer.html"}
+RESULTS = {"trajectory.nc", "summary.json", "states.png", "ground_forces.png", "viewer.html", "report.html"}
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_a_slope_that_cannot_be_climbed_says_why(tmp_path, capsys):
     assert "friction" in captured.err
     assert "Traceback" not in captured.err
     assert json.loads((tmp_path / "summary.json").read_text())["verdict"] == "infeasible"
-    assert {path.name for path in tmp_path.iterdir()} == {"summary.json"}
+    assert {path.name for path in tmp_path.iterdir()} == {"summary.json", "report.html"}
 
 
 def test_the_papers_controller_shows_its_weakness(tmp_path, capsys):

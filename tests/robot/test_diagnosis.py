@@ -147,10 +147,16 @@ BROKEN = {
     "massless moving link": (SOUND.replace(f'"b">{BODY}', '"b">'), "error", "joint 'hinge'", "moves no mass: link 'b'"),
     "massless robot": ('<robot name="none"><link name="a"/></robot>', "error", "robot", "weigh nothing"),
     "missing mesh": (
-        with_link('<visual><geometry><mesh filename="package://meshes/c.stl"/></geometry></visual>'),
+        with_link('<collision><geometry><mesh filename="package://meshes/c.stl"/></geometry></collision>'),
         "error",
         "link 'c'",
-        "mesh 'package://meshes/c.stl' is not to be found",
+        "collision mesh 'package://meshes/c.stl' is not to be found",
+    ),
+    "missing mesh that is only seen": (
+        with_link('<visual><geometry><mesh filename="package://meshes/c.stl"/></geometry></visual>'),
+        "warning",
+        "link 'c'",
+        "visual mesh 'package://meshes/c.stl' is not to be found",
     ),
     "mesh without a file": (
         with_link("<visual><geometry><mesh/></geometry></visual>"),

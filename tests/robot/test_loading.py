@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from m4_dynamics.errors import M4Error, RobotDescriptionError, UnknownNameError
+from m4_dynamics.robot.diagnosis import diagnose_urdf
 from m4_dynamics.robot.finding import InvalidUrdfError
-from m4_dynamics.robot.loading import load_robot
+from m4_dynamics.robot.loading import bundled_description, load_robot
 from m4_dynamics.robot.robot import Robot
 
 CART = """<robot name="cart">
@@ -152,6 +153,17 @@ def test_robot_pickles_in_parts(m4: Robot) -> None:
     assert pickle.loads(pickle.dumps(m4.model)) == m4.model
 
 
+def test_a_robot_travels_light_without_what_is_only_seen(m4: Robot) -> None:
+    light = m4.without_visuals()
+    assert light.visual_model.ngeoms == 0 < m4.visual_model.ngeoms
+    packed = pickle.dumps(light)
+    assert len(packed) < 0.05 * len(pickle.dumps(m4))
+    there = pickle.loads(packed)
+    assert there.model == m4.model
+    assert there.collision_model.ngeoms == m4.collision_model.ngeoms
+    assert there.file_hashes == m4.file_hashes
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
@@ -278,3 +290,15 @@ def test_robots_of_others_load(example_robots: Path) -> None:
     iris = load_robot(example_robots / "iris_description/robots/iris.urdf")
     assert iris.mass == pytest.approx(1.535)
     assert iris.visual_model.ngeoms > 0
+
+
+def test_what_is_only_seen_may_be_missing(tmp_path: Path) -> None:
+    """A URDF without its visual meshes has the same dynamics, and shows what collides."""
+    source = bundled_description().with_suffix(".urdf")
+    alone = tmp_path / "alone.urdf"
+    alone.write_text(source.read_text())
+    robot = load_robot(alone)
+    assert robot.mass == pytest.approx(6.0)
+    shown = {body.name for body in robot.visual_model.geometryObjects}
+    assert shown == {body.name for body in robot.collision_model.geometryObjects}
+    assert {finding.severity for finding in diagnose_urdf(alone) if "visual mesh" in finding.what} == {"warning"}

@@ -263,6 +263,8 @@ def test_every_entry_of_the_legend_switches_what_it_names(opened: Opened) -> Non
     before = [boxes.nth(order).is_checked() for order in range(7)]
     assert before == [name not in ("reduced model", "reference") for name in names]
     for name, shown in zip(names, before, strict=True):
+        if name == "reference":  # where the robot is at its reference, the ghost gives way
+            opened.seek(0.5)
         first = opened.picture()
         opened.tick(name)
         assert page.get_by_label(name, exact=True).is_checked() != shown
@@ -270,7 +272,7 @@ def test_every_entry_of_the_legend_switches_what_it_names(opened: Opened) -> Non
         assert changed(first, second).sum() > 60, name
         opened.tick(name)
         assert changed(first, opened.picture()).sum() < 20, name  # as before
-    assert viewer_time(opened) == pytest.approx(2.0)  # the space bar meant the box, not the playback
+    assert viewer_time(opened) == pytest.approx(0.5)  # the space bar meant the box, not the playback
     assert opened.messages == []
 
 
