@@ -113,6 +113,9 @@ def run(args: argparse.Namespace) -> int:
     )
     if args.json:
         print(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
+    elif summary.verdict == Verdict.INFEASIBLE:
+        # Nothing was simulated; why is said below.
+        print_note(make_console(), "written: " + ", ".join(str(path) for path in written))
     else:
         console = make_console()
         print_tables(console, [climb_table(summary)])

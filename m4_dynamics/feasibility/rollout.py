@@ -233,8 +233,11 @@ def run_cell(job: RolloutJob, index: CellIndex) -> _Array:
         record["trim_pitch"] = trim.pitch
         try:
             _run_trim(job, climb, trim, record)
+        except NoTrimExists:
+            # The equilibrium has no room to move off: no pitch balances the acceleration of the ramps.
+            record.update(verdict=verdict_code(Verdict.INFEASIBLE))
         except M4Error:
-            # The equilibrium has no room to move off: no pitch balances the ramp, or no gain exists.
+            # No gain exists, or the simulation diverged.
             record.update(verdict=verdict_code(Verdict.ABORTED))
     record["elapsed"] = time.perf_counter() - started
     return np.array(list(record.values()))

@@ -71,6 +71,7 @@ def test_a_slope_that_cannot_be_climbed_says_why(tmp_path, capsys):
     captured = capsys.readouterr()
     assert "infeasible" in captured.err
     assert "friction" in captured.err
+    assert captured.out.startswith("written: ")  # no table of dashes
     assert "Traceback" not in captured.err
     assert json.loads((tmp_path / "summary.json").read_text())["verdict"] == "infeasible"
     assert {path.name for path in tmp_path.iterdir()} == {"summary.json", "report.html"}
