@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from m4_dynamics.robot.robot import Robot
-    from m4_dynamics.simulation.plant import Plant
+    from m4_dynamics.view.live import LiveView
 
 __all__ = ["add_live_arguments", "live_view"]
 
@@ -28,7 +28,7 @@ def add_live_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 @contextmanager
-def live_view(args: argparse.Namespace, robot: Robot) -> Iterator[Callable[[Plant], None] | None]:
+def live_view(args: argparse.Namespace, robot: Robot) -> Iterator[LiveView | None]:
     """Serve the live view while the block runs, if it is wanted.
 
     Args:
@@ -36,7 +36,7 @@ def live_view(args: argparse.Namespace, robot: Robot) -> Iterator[Callable[[Plan
         robot: The robot.
 
     Yields:
-        What to call after every control period; None without `--live`.
+        The view, whose `observe` is to be called after every control period; None without `--live`.
 
     Raises:
         InvalidSettingError: The address cannot be had.
@@ -52,4 +52,4 @@ def live_view(args: argparse.Namespace, robot: Robot) -> Iterator[Callable[[Plan
         if not args.no_browser and can_open_browser():
             open_browser(view.url)
             view.wait_for_viewer(_WAIT_FOR_BROWSER)
-        yield view.observe
+        yield view

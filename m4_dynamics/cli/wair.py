@@ -98,8 +98,9 @@ def run(args: argparse.Namespace) -> int:
     command = shlex.join(["m4", "wair", *command_words(args)])
     with (
         progress_bar(f"climbing {args.slope:g} deg", settings.duration, unit="s") as advance,
-        live_view(args, robot) as observer,
+        live_view(args, robot) as live,
     ):
+        observer = None if live is None else live.observe
         result = run_climb(robot, settings, attributes={"command": command}, on_progress=advance, observer=observer)
     summary = result.summary
     written = write_run(

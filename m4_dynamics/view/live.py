@@ -67,6 +67,8 @@ class LiveView:
         shown = host if host not in ("", "0.0.0.0", "::") else LOOPBACK
         #: Where the page is.
         self.url = f"http://{shown}:{sockets[0].getsockname()[1]}/"
+        #: What the robot is doing, in words; shown from the next frame on.
+        self.phase = ""
         self._robot = robot
         self._scene: bytes | None = None
         self._overlays: Overlays | None = None
@@ -102,7 +104,10 @@ class LiveView:
             self._overlays = self._set_up(plant)
         if plant.time >= self._next:
             self._next = plant.time + 1.0 / _FRAMES_PER_SECOND
-            self._send(self._frame(plant, self._overlays), json.dumps({"time": round(plant.time, 3)}))
+            self._send(
+                self._frame(plant, self._overlays),
+                json.dumps({"time": round(plant.time, 3), "facts": self._facts(plant)}),
+            )
         ahead = self._started + plant.time - time.monotonic()
         if ahead > 0.0:
             time.sleep(ahead)
@@ -199,6 +204,23 @@ class LiveView:
             contact_position={one.joint: position[[k]] for k, one in enumerate(robot.wheels)},
             com=com,
         )
+
+    def _facts(self, plant: Plant) -> list[str]:
+        """Phase, slope, thrust and friction use, as text."""
+        stepper = plant.stepper
+        slope = plant.model.terrain.slope_at(float(stepper.configuration[0]))
+        force = np.array(stepper.wheel_force_in_world)
+        normal = force @ np.array([-np.sin(slope), 0.0, np.cos(slope)])
+        sliding = np.sqrt(np.maximum(np.einsum("ki,ki->k", force, force) - normal**2, 0.0))
+        pressed = normal > 1.0
+        facts = [
+            f"slope {np.degrees(slope):.0f}°",
+            f"thrust {float(stepper.actuation.thrust.sum()):.1f} N",
+        ]
+        if pressed.any():
+            use = (sliding[pressed] / (plant.model.ground.friction_static * normal[pressed])).max()
+            facts.append(f"friction use {100.0 * min(float(use), 1.0):.0f} %")
+        return [self.phase, *facts] if self.phase else facts
 
     def _frame(self, plant: Plant, overlays: Overlays) -> bytes:
         weight = self._robot.mass * self._robot.gravity

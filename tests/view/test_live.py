@@ -57,6 +57,8 @@ def test_pixels_move_while_it_runs_and_the_run_stays_the_same(
         before = np.asarray(Image.open(io.BytesIO(page.locator("#pane").screenshot())).convert("RGB"), dtype=int)
         page.wait_for_function("() => now > 2.0")
         after = np.asarray(Image.open(io.BytesIO(page.locator("#pane").screenshot())).convert("RGB"), dtype=int)
+        told = page.locator("#clock").text_content()
+        assert re.fullmatch(r"t = \d+\.\d\d s   slope \d+°   thrust \d+\.\d N   friction use \d+ %", told)
         keep_picture(page, "live_view")
         runner.join()
         elapsed = time.monotonic() - started
