@@ -140,7 +140,8 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                 yield client
             return
         try:
-            client = Client(scheduler, timeout=_CONNECT_TIMEOUT)
+            # As the default client, one that never connected would be asked for a lock when a map is written.
+            client = Client(scheduler, timeout=_CONNECT_TIMEOUT, set_as_default=False)
         except (OSError, TimeoutError) as error:
             raise SchedulerError(f"cannot reach the scheduler {scheduler}: {error}") from error
         except ValueError as error:

@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+import distributed
 import numpy as np
 import pytest
 
@@ -237,6 +238,9 @@ def test_an_unreachable_scheduler_is_an_error_in_words(
         run_job(small_job(m4), tmp_path / "map.zarr", scheduler="tcp://127.0.0.1:9")
     with pytest.raises((InvalidSettingError, SchedulerError), match="scheduler"):
         run_job(small_job(m4), tmp_path / "other.zarr", scheduler="carrier-pigeon://coop")
+    # No client that failed is left behind for others to find.
+    with pytest.raises(ValueError, match="No clients found"):
+        distributed.default_client()
 
 
 @pytest.mark.parametrize(
