@@ -274,8 +274,10 @@ def save_trajectory(dataset: xarray.Dataset, path: Path | str) -> Path:
     """
     target = Path(path)
     encoding = {name: {"zlib": True, "complevel": 3} for name in dataset.data_vars}
+    # In memory first: HDF5 crashes when the disk is full while it closes a file.
+    content = dataset.to_netcdf(engine="h5netcdf", encoding=encoding)
     with replacing(target) as partial:
-        dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
+        partial.write_bytes(content)
     return target
 
 
