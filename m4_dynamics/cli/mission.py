@@ -62,20 +62,13 @@ def run(args: argparse.Namespace) -> int:
         + (["--realistic"] if args.realistic else [])
     )
     with status_line() as report, live_view(args, robot) as live:
-
-        def tell(phase: str, time: float) -> None:
-            if report is not None:
-                report(phase, time)
-            if live is not None:
-                live.phase = phase
-
         fidelity = Fidelity.realistic() if args.realistic else Fidelity()
         result = run_mission(
             robot,
             mission,
             fidelity=fidelity,
             attributes={"command": command},
-            on_progress=tell,
+            on_progress=report,
             observer=None if live is None else live.observe,
         )
     summary = result.summary

@@ -120,7 +120,7 @@ def prepare_mission(
         plant=plant,
         path=AxlePath.over(terrain, reduction.parameters.wheel_radius),
         estimator=balance_estimator(robot, reduction, slope=0.0, fidelity=fidelity),
-        recorder=Recorder(plant, capacity),
+        recorder=Recorder(plant, capacity, origin=0.0),
         wheels=drive_wheels(robot, reduction.frame),
         abort=mission.abort,
         limits=limits,
@@ -140,7 +140,7 @@ def run_mission(
     plant_errors: PlantErrors | None = None,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[str, float], None] | None = None,
-    observer: Callable[[Plant], None] | None = None,
+    observer: Callable[[Recorder], None] | None = None,
 ) -> MissionResult:
     """Run a mission on the full model.
 
@@ -154,7 +154,7 @@ def run_mission(
         plant_errors: How the simulated robot differs from the one that the controllers know; None is not at all.
         attributes: Further attributes of the dataset.
         on_progress: Called before each phase with its name and the simulated time [s].
-        observer: Called after every control period with the plant; the times measured are those without it.
+        observer: Called with the recorder after every control period; the times measured are those without it.
 
     Returns:
         Summary and trajectory.
@@ -172,21 +172,22 @@ def run_mission(
     for index, phase in enumerate(mission.phases):
         if on_progress is not None:
             on_progress(phase.name, situation.plant.time)
-        recorder.current_phase = index
+        recorder.current_phase, recorder.phase_name = index, phase.name
+        recorder.balancing = isinstance(phase, BalancePhase)
         first = recorder.count
         failure = _run_phase(situation, phase)
         outcomes.append(PhaseOutcome(phase.name, phase.kind, first, recorder.count, failure))
         if failure is not None:
             break
     if failure is not None and "interrupted" not in failure:
-        recorder.current_phase = len(mission.phases)
+        recorder.current_phase, recorder.phase_name = len(mission.phases), "made safe"
+        recorder.balancing = False
         _make_safe(situation)
     elapsed = perf_counter() - started - recorder.observer_seconds
     controllers = {phase.controller for phase in mission.phases if isinstance(phase, BalancePhase)}
     dataset = build_trajectory(
         recorder,
         situation.reduction,
-        origin=0.0,
         attributes={
             "mission": mission.name,
             "phases": [phase.name for phase in mission.phases] + (["made safe"] if failure is not None else []),

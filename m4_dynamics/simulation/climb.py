@@ -369,7 +369,7 @@ def run_climb(
     warm_up: bool = True,
     attributes: Mapping[str, str] | None = None,
     on_progress: Callable[[float], None] | None = None,
-    observer: Callable[[Plant], None] | None = None,
+    observer: Callable[[Recorder], None] | None = None,
 ) -> ClimbResult:
     """Climb a slope on the full model.
 
@@ -383,7 +383,7 @@ def run_climb(
         warm_up: Whether to compile the kernels first, so that the times measured are those of the run alone.
         attributes: Further attributes of the dataset (the command, say).
         on_progress: Called now and then with the simulated time [s].
-        observer: Called after every control period with the plant; the times measured are those without it.
+        observer: Called with the recorder after every control period; the times measured are those without it.
 
     Returns:
         Summary and trajectory; where no equilibrium exists, the summary alone, with the verdict "infeasible".

@@ -27,22 +27,28 @@ class Recorder:
         capacity: Largest number of rows.
         count: Rows written.
         current_phase: Written into the rows' `phase`.
+        phase_name: What the robot is doing, in a word, for whoever watches.
+        balancing: Whether it is balancing on its drive wheels.
+        origin: Travel of the axle at which the wheel angle is zero [m]; None takes that of the first row.
         time: [s], and so on; shapes start with `capacity`. Columns of `statistics` are named in `full/kernels.py`; they
             hold the peaks within the period and running sums. Columns of `diagnostics` are those of
             `control.Diagnostics`; `control_seconds` is the wall-clock time that the balance controller took. `thrust`
             and `wheel_duty` are what acts at the period's end, not what was commanded. `battery` holds voltage [V],
             current [A] and charge; it has no rows when the supply is ideal. References are NaN where nothing was
             followed.
-        observer: Called after every row with the plant, which it must leave as it is; a live view, say.
+        observer: Called with the recorder after every row, and must leave it and the plant as they are; a live view.
         observer_seconds: Wall-clock time that the observer took; it is no part of the simulation's.
     """
 
     plant: Plant
     capacity: int
-    observer: Callable[[Plant], None] | None = None
+    observer: Callable[[Recorder], None] | None = None
+    origin: float | None = None
     observer_seconds: float = field(init=False, default=0.0)
     count: int = field(init=False, default=0)
     current_phase: int = field(init=False, default=0)
+    phase_name: str = field(init=False, default="")
+    balancing: bool = field(init=False, default=True)
     time: Array = field(init=False)
     configuration: Array = field(init=False)
     velocity: Array = field(init=False)
@@ -86,6 +92,21 @@ class Recorder:
         self.control_seconds = np.zeros(n)
         self.battery = np.zeros((n if self.plant.battery is not None else 0, len(BatteryState._fields)))
 
+    def contact_forces(self, rows: slice) -> Array:
+        """Force of the ground on every wheel in the world, mean over each of the rows.
+
+        Args:
+            rows: Which rows, one after the other.
+
+        Returns:
+            Shape (rows, wheels, 3) [N].
+        """
+        first, last, _ = rows.indices(self.count)
+        impulse = self.statistics[max(first - 1, 0) : last, :, kernels.IMPULSE_X : kernels.IMPULSE_Z + 1]
+        if first == 0:  # the sums start at zero
+            impulse = np.concatenate([np.zeros((1, *impulse.shape[1:])), impulse])
+        return np.diff(impulse, axis=0) / self.plant.control_period
+
     def record_decision(
         self,
         state: Array,
@@ -127,6 +148,6 @@ class Recorder:
         if self.observer is not None:
             started = perf_counter()
             try:
-                self.observer(self.plant)
+                self.observer(self)
             finally:
                 self.observer_seconds += perf_counter() - started

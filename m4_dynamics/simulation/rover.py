@@ -183,7 +183,7 @@ def drive_rover(robot: Robot, settings: RoverSettings) -> RoverRun:
     configuration[0] = -settings.run_up - foremost
     plant.reset(configuration)
     loops = _SpeedLoops(robot, configuration)
-    recorder = Recorder(plant, round(settings.duration / plant.control_period))
+    recorder = Recorder(plant, round(settings.duration / plant.control_period), origin=0.0)
     uphill = np.array([math.cos(settings.slope), 0.0, math.sin(settings.slope)])
     way, rolled = np.zeros(recorder.capacity), np.zeros(recorder.capacity)
     tipped = False
@@ -206,7 +206,6 @@ def drive_rover(robot: Robot, settings: RoverSettings) -> RoverRun:
     dataset = build_trajectory(
         recorder,
         reduce_robot(robot),
-        origin=0.0,
         attributes={
             "slope_deg": math.degrees(settings.slope),
             "phases": ["drive"],

@@ -73,7 +73,8 @@ def true_motion(
     Returns:
         The motion.
     """
-    robot, data = model.robot, model.data
+    robot = model.robot
+    data = robot.model.createData()  # the model's own may be in use by a plant
     frame = reduction.frame
     wheels = drive_wheels(robot, frame)
     joints = [robot.wheels[index].joint_id for index in (wheels.left, wheels.right)]
@@ -116,7 +117,6 @@ def build_trajectory(
     reduction: Reduction,
     *,
     attributes: Mapping[str, str | float | int | list[str]],
-    origin: float | None = None,
 ) -> xarray.Dataset:
     """Label a run.
 
@@ -124,7 +124,6 @@ def build_trajectory(
         recorder: The raw samples.
         reduction: Axes and parameters of the pendulum.
         attributes: Provenance and settings for the dataset's attributes.
-        origin: Travel at which the wheel angle is zero [m]; None takes that of the first sample.
 
     Returns:
         The dataset; every variable has `units` and `long_name`.
@@ -134,11 +133,9 @@ def build_trajectory(
     n = recorder.count
     model = recorder.plant.model
     robot = model.robot
-    motion = true_motion(model, reduction, recorder.configuration[:n], recorder.velocity[:n], origin=origin)
-    period = recorder.plant.control_period
+    motion = true_motion(model, reduction, recorder.configuration[:n], recorder.velocity[:n], origin=recorder.origin)
     statistics = recorder.statistics[:n]
-    impulse = statistics[:, :, kernels.IMPULSE_X : kernels.IMPULSE_Z + 1]
-    contact_force = np.diff(impulse, axis=0, prepend=np.zeros((1, *impulse.shape[1:]))) / period
+    contact_force = recorder.contact_forces(slice(n))
     wheels = drive_wheels(robot, reduction.frame)
     on_drive_wheels = contact_force[:, [wheels.left, wheels.right]].sum(axis=1)
     rolling = np.ones(len(robot.wheels))

@@ -54,11 +54,11 @@ def offline_page(*, title: str, commands: Sequence[Command], facts: dict[str, An
         title=html.escape(title),
         policy=_POLICY,
         licences=licences.replace("--", "- -"),
-        style=folder.joinpath("replay.css").read_text(encoding="utf-8"),
+        style=folder.joinpath("scene.css").read_text(encoding="utf-8"),
         viewer=program,
         # Inside a script element only "</" could end the data early.
         data=data.replace("</", "<\\/"),
-        script=folder.joinpath("replay.js").read_text(encoding="utf-8"),
+        script="".join(folder.joinpath(name).read_text(encoding="utf-8") for name in ("scene.js", "replay.js")),
     )
 
 

@@ -28,6 +28,7 @@ __all__ = [
     "GHOST_COLOUR",
     "REDUCED_COLOUR",
     "THRUST_COLOUR",
+    "TRAIL",
     "LegendEntry",
     "Overlays",
     "legend_entries",
@@ -41,6 +42,8 @@ CONTACT_COLOUR = COLOURS["green"]
 COM_COLOUR = COLOURS["orange"]
 REDUCED_COLOUR = "#D01C3F"
 GHOST_COLOUR = COLOURS["sky"]
+#: Node of the trail of the centre of mass.
+TRAIL = "/trail"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +124,7 @@ def overlay_commands(robot: Robot, frames: Frames, overlays: Overlays) -> list[C
     commands.append(set_object("/com/ball", sphere(0.018), Material(colour=COM_COLOUR, in_front=True)))
     commands.append(set_property("/com/ball/<object>", "castShadow", False))
     if overlays.trail is not None:
-        commands += trail_commands("/trail", COM_COLOUR, frames.com[overlays.trail])
+        commands += trail_commands(TRAIL, COM_COLOUR, frames.com[overlays.trail])
     reduced = overlays.reduced
     if reduced is not None:
         commands += pendulum_commands("/reduced", REDUCED_COLOUR, reduced.reduction.parameters)
@@ -163,7 +166,7 @@ def overlay_motions(robot: Robot, frames: Frames, overlays: Overlays, *, metres_
     if overlays.trail is not None:
         corners = overlays.trail
         end = float(frames.elapsed[-1])
-        motions += trail_motions("/trail", frames.elapsed[corners], frames.com[corners], end)
+        motions += trail_motions(TRAIL, frames.elapsed[corners], frames.com[corners], end)
     reduced = overlays.reduced
     if reduced is not None:
         parameters = reduced.reduction.parameters
@@ -194,7 +197,7 @@ def legend_entries(robot: Robot, overlays: Overlays) -> tuple[LegendEntry, ...]:
         entries.append(LegendEntry("cone", CONTACT_COLOUR, "friction cone", ("/cone",)))
     entries.append(LegendEntry("dot", COM_COLOUR, "centre of mass", ("/com",)))
     if overlays.trail is not None:
-        entries.append(LegendEntry("trail", COM_COLOUR, "its trail", ("/trail",)))
+        entries.append(LegendEntry("trail", COM_COLOUR, "its trail", (TRAIL,)))
     if overlays.reduced is not None:
         entries.append(LegendEntry("pendulum", REDUCED_COLOUR, "reduced model", ("/reduced",), shown=False))
         if overlays.reduced.reference is not None:

@@ -25,6 +25,7 @@ from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.climb import ClimbResult, ClimbSettings, run_climb
 from m4_dynamics.view.live import LiveView
+from m4_dynamics.view.overlays import REDUCED_COLOUR
 
 SETTINGS = ClimbSettings(slope=math.radians(30.0), duration=4.0, ramp_time=1.0, hold_time=0.5)
 
@@ -36,6 +37,16 @@ def is_open(url: str) -> bool:
         return probe.connect_ex((parts.hostname, parts.port)) == 0
 
 
+def picture(page: Any) -> np.ndarray:
+    """The canvas with what is laid over it."""
+    return np.asarray(Image.open(io.BytesIO(page.locator("#pane").screenshot())).convert("RGB"), dtype=int)
+
+
+def count_pixels(pixels: np.ndarray, colour: str) -> int:
+    wanted = [int(colour[first : first + 2], 16) for first in (1, 3, 5)]
+    return int((np.abs(pixels - wanted).max(axis=2) < 12).sum())
+
+
 def test_pixels_move_while_it_runs_and_the_run_stays_the_same(
     browser: Any, robot: Robot, keep_picture: Callable[[Any, str], None]
 ) -> None:
@@ -43,7 +54,7 @@ def test_pixels_move_while_it_runs_and_the_run_stays_the_same(
     results: list[ClimbResult] = []
     messages: list[str] = []
     with LiveView(robot) as view:
-        page = browser.new_page(viewport={"width": 480, "height": 360})
+        page = browser.new_page(viewport={"width": 900, "height": 640})
         page.on("console", lambda message: messages.append(message.text))
         page.on("pageerror", lambda error: messages.append(str(error)))
         page.goto(view.url)
@@ -54,12 +65,24 @@ def test_pixels_move_while_it_runs_and_the_run_stays_the_same(
         )
         runner.start()
         page.wait_for_function("() => now > 0.5")
-        before = np.asarray(Image.open(io.BytesIO(page.locator("#pane").screenshot())).convert("RGB"), dtype=int)
+        before = picture(page)
         page.wait_for_function("() => now > 2.0")
-        after = np.asarray(Image.open(io.BytesIO(page.locator("#pane").screenshot())).convert("RGB"), dtype=int)
-        told = page.locator("#clock").text_content()
-        assert re.fullmatch(r"t = \d+\.\d\d s   slope \d+°   thrust \d+\.\d N   friction use \d+ %", told)
+        after = picture(page)
+        told = page.locator("#readouts").inner_text()
+        expected = r"time\s\d+\.\d\d s\sground\s30°\spitch\s-?\d+\.\d°\sthrust\s\d+\.\d N\sfriction use\s\d+ %"
+        assert re.fullmatch(expected, told), told
+        offered = page.locator("#legend li").all_inner_texts()
+        assert [text.strip() for text in offered] == [
+            "thrust on the robot", "ground on a wheel", "friction cone", "centre of mass", "its trail",
+            "reduced model", "reference",
+        ]  # fmt: skip
+        for text in ("reduced model", "reference"):
+            page.locator("#legend label", has_text=text).click()
         keep_picture(page, "live_view")
+        with_it = count_pixels(picture(page), REDUCED_COLOUR)
+        page.locator("#legend label", has_text="reduced model").click()
+        assert count_pixels(picture(page), REDUCED_COLOUR) < 0.2 * with_it  # the legend hides it
+        assert with_it > 100
         runner.join()
         elapsed = time.monotonic() - started
     page.wait_for_function("() => ended")

@@ -1,6 +1,4 @@
-"use strict";
 const replay = JSON.parse(document.getElementById("replay").textContent);
-const viewer = new MeshCat.Viewer(document.getElementById("pane"));
 const parts = replay.parts.map((text) => atob(text));
 for (const command of replay.commands) {
   const bytes = command.map((part) => parts[part]).join("");
@@ -23,34 +21,7 @@ for (const fact of replay.conditions) {
   element("conditions").append(item);
 }
 element("scale").textContent = replay.scale;
-// What the legend switches is shown or hidden by three.js itself: nothing of it is an animation's business.
-const node = (path) => viewer.scene_tree.find(path.split("/").filter((step) => step)).object;
-const PICTURES = {
-  arrow: '<path d="M0 6H20M18 1L29 6L18 11Z" stroke="currentColor" stroke-width="3" fill="currentColor"/>',
-  dot: '<circle cx="15" cy="6" r="5.5" fill="currentColor"/>',
-  cone: '<path d="M15 12L3 2A12 2 0 0 1 27 2Z" fill="currentColor" fill-opacity="0.35" stroke="currentColor"/>',
-  trail: '<path d="M1 10C9 10 12 3 28 2" stroke="currentColor" stroke-width="3" fill="none"/>',
-  pendulum: '<circle cx="8" cy="7" r="4.3" stroke="currentColor" stroke-width="2" fill="none"/><path d="M8 7L24 3" stroke="currentColor" stroke-width="2.5"/><circle cx="24" cy="3" r="3" fill="currentColor"/>',
-  ghost: '<rect x="4" y="1" width="22" height="10" rx="4" fill="currentColor" fill-opacity="0.4" stroke="currentColor"/>',
-};
-function show(entry, visible) {
-  for (const path of entry.nodes) node(path).visible = visible;
-  viewer.set_dirty();
-}
-for (const entry of replay.legend) {
-  const [item, label, box] = [document.createElement("li"), document.createElement("label"), document.createElement("input")];
-  box.type = "checkbox";
-  box.checked = entry.shown;
-  box.addEventListener("change", () => show(entry, box.checked));
-  label.innerHTML = `<svg viewBox="0 0 30 12" aria-hidden="true">${PICTURES[entry.kind]}</svg>`;
-  label.querySelector("svg").style.color = entry.colour;
-  label.prepend(box);
-  label.append(entry.text);
-  item.append(label);
-  document.querySelector("#legend ul").append(item);
-  show(entry, entry.shown);
-}
-element("legend").open = window.innerWidth > 720;
+show_legend(replay.legend);
 const cells = replay.readouts.map((readout) => {
   const [name, value] = [document.createElement("dt"), document.createElement("dd")];
   name.textContent = readout.label;
