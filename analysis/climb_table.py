@@ -15,7 +15,8 @@ from m4_dynamics.view.tables import cell, make_console, make_table, print_note, 
 
 if TYPE_CHECKING:
     from m4_dynamics.robot.robot import Robot
-    from m4_dynamics.simulation.climb import ClimbResult, ControllerName
+    from m4_dynamics.simulation.climb import ClimbResult
+    from m4_dynamics.simulation.controllers import ControllerName
     from m4_dynamics.simulation.verdict import ClimbSummary
 
 COLUMNS = (

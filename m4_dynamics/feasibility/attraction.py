@@ -30,7 +30,8 @@ from m4_dynamics.feasibility.rollout import BATCHES
 from m4_dynamics.feasibility.run import settled_answer
 from m4_dynamics.feasibility.store import SweepStore
 from m4_dynamics.robot.robot import Robot
-from m4_dynamics.simulation.climb import ClimbSettings, ControllerName, prepare_climb
+from m4_dynamics.simulation.climb import ClimbSettings, prepare_climb
+from m4_dynamics.simulation.controllers import ControllerName
 
 if TYPE_CHECKING:
     import xarray

@@ -24,7 +24,8 @@ from m4_dynamics.reduced.trim import Trim
 from m4_dynamics.reduced.trim_limits import ground_clearance
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.balance import drive_wheels
-from m4_dynamics.simulation.climb import FALL_ANGLE, Climb, ClimbSettings, make_controller, prepare_climb
+from m4_dynamics.simulation.climb import FALL_ANGLE, Climb, ClimbSettings, prepare_climb
+from m4_dynamics.simulation.controllers import make_controller
 from m4_dynamics.simulation.trajectory import build_trajectory
 from m4_dynamics.simulation.verdict import SLIP_TIME_ALLOWED
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.feasibility.job import Field
-from m4_dynamics.simulation.climb import CONTROLLERS, ControllerName
+from m4_dynamics.simulation.controllers import CONTROLLERS, ControllerName
 from m4_dynamics.simulation.verdict import Verdict
 
 __all__ = [

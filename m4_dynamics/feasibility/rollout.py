@@ -23,7 +23,8 @@ from m4_dynamics.feasibility.reduced_rollout import ReducedRun, grip_missing, ju
 from m4_dynamics.reduced.reduction import Reduction
 from m4_dynamics.reduced.trim import Trim, trim_branches
 from m4_dynamics.robot.robot import Robot
-from m4_dynamics.simulation.climb import ClimbResult, ClimbSettings, make_controller, run_climb
+from m4_dynamics.simulation.climb import ClimbResult, ClimbSettings, run_climb
+from m4_dynamics.simulation.controllers import make_controller
 from m4_dynamics.simulation.verdict import SETTLING_TIME, SLIP_GRACE, ClimbSummary, Verdict
 
 __all__ = [

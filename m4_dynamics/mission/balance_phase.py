@@ -15,7 +15,7 @@ from m4_dynamics.mission.drive_reference import ARC_STEP, DrivePlan, drive_refer
 from m4_dynamics.mission.schema import BalancePhase
 from m4_dynamics.mission.situation import MissionAborted, Situation
 from m4_dynamics.reduced.trim import Trim
-from m4_dynamics.simulation.climb import make_controller
+from m4_dynamics.simulation.controllers import make_controller
 
 __all__ = ["run_balance_phase"]
 

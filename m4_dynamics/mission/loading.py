@@ -31,7 +31,7 @@ from m4_dynamics.mission.schema import (
     TerrainPlan,
 )
 from m4_dynamics.robot.toml_table import TomlTable
-from m4_dynamics.simulation.climb import CONTROLLERS
+from m4_dynamics.simulation.controllers import CONTROLLERS
 
 __all__ = ["load_mission", "parse_mission", "shipped_missions"]
 

@@ -37,7 +37,7 @@ from m4_dynamics.mission.tilt_phase import run_tilt_phase
 from m4_dynamics.reduced.reduction import reduce_robot
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.balance import balance_estimator, drive_wheels
-from m4_dynamics.simulation.climb import with_rotor_lag
+from m4_dynamics.simulation.controllers import robot_with_rotor_lag
 from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
 from m4_dynamics.simulation.plant_errors import PlantErrors, perturbed_robot
@@ -95,7 +95,7 @@ def prepare_mission(
     """
     mission.check_against(robot)
     fidelity = Fidelity() if fidelity is None else fidelity
-    reduction = reduce_robot(with_rotor_lag(robot, fidelity))
+    reduction = reduce_robot(robot_with_rotor_lag(robot, fidelity))
     start = mission.start
     terrain = terrain_of(mission.terrain, flat_before=max(start.distance_to_foot, 0.0) + 1.5)
     friction = mission.terrain.friction_static

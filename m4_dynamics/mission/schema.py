@@ -12,7 +12,7 @@ from typing import ClassVar, Literal
 
 from m4_dynamics.errors import M4Error
 from m4_dynamics.robot.robot import Robot
-from m4_dynamics.simulation.climb import ControllerName
+from m4_dynamics.simulation.controllers import ControllerName
 
 __all__ = [
     "AbortRule",

@@ -19,7 +19,7 @@ from m4_dynamics.reduced.reduction import Reduction, holding_torques
 from m4_dynamics.reduced.trim import Trim, TrimLimits, select_trim
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.balance import DriveWheels
-from m4_dynamics.simulation.climb import make_heading_hold
+from m4_dynamics.simulation.controllers import make_heading_hold
 from m4_dynamics.simulation.fidelity import Fidelity
 from m4_dynamics.simulation.plant import Plant
 from m4_dynamics.simulation.recorder import Recorder

@@ -6,37 +6,33 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from m4_dynamics.control.controller import BalanceController
 from m4_dynamics.control.delay import DelayCompensator
-from m4_dynamics.control.heading import HeadingHold, heading_gains
-from m4_dynamics.control.lqr import LqrController
-from m4_dynamics.control.mpc.controller import MpcController
+from m4_dynamics.control.heading import HeadingHold
 from m4_dynamics.control.mpc.settings import MpcSettings
-from m4_dynamics.control.pid import PidController
 from m4_dynamics.control.reference import ReferenceTrajectory, climb_reference
-from m4_dynamics.control.slope_profile import SlopeProfile
-from m4_dynamics.errors import InvalidSettingError, M4Error, NonFiniteError, NoTrimExists
+from m4_dynamics.errors import M4Error, NonFiniteError, NoTrimExists
 from m4_dynamics.full.model import FullModel
 from m4_dynamics.full.stepping import SimulationDivergedError
 from m4_dynamics.full.terrain import ramp_terrain
 from m4_dynamics.reduced.reduction import (
     Reduction,
     configuration_on_slope,
-    heading_dynamics,
     holding_torques,
     reduce_robot,
 )
 from m4_dynamics.reduced.trim import Trim, select_trim
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.simulation.balance import BalanceLoop, balance_estimator, drive_wheels
-from m4_dynamics.simulation.fidelity import Fidelity
+from m4_dynamics.simulation.climb_settings import ClimbSettings
+from m4_dynamics.simulation.controllers import make_controller, make_heading_hold, robot_with_rotor_lag
 from m4_dynamics.simulation.plant import Plant
-from m4_dynamics.simulation.plant_errors import PlantErrors, perturbed_robot
+from m4_dynamics.simulation.plant_errors import perturbed_robot
 from m4_dynamics.simulation.recorder import Recorder
 from m4_dynamics.simulation.trajectory import build_trajectory
 from m4_dynamics.simulation.verdict import ClimbSummary, StepTimes, Verdict, summarise_climb
@@ -44,89 +40,14 @@ from m4_dynamics.simulation.verdict import ClimbSummary, StepTimes, Verdict, sum
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["CONTROLLERS", "Climb", "ClimbResult", "ClimbSettings", "ControllerName", "prepare_climb", "run_climb"]
+__all__ = ["Climb", "ClimbResult", "ClimbSettings", "prepare_climb", "run_climb"]
 
-ControllerName = Literal["default", "paper", "paper-zero", "lqr", "pid"]
-CONTROLLERS: tuple[str, ...] = get_args(ControllerName)
-
-#: The heading's closed loop: natural frequency [rad/s], above the fastest growth on any slope, and damping ratio.
-HEADING_FREQUENCY = 8.0
-HEADING_DAMPING_RATIO = 1.0
-#: Pole of the heading's integral [1/s]: well below the others, it stands against constant moments alone.
-HEADING_INTEGRAL_FREQUENCY = 2.0
 #: The idle wheels are shorted, so that they do not spin [N m s/rad].
 IDLE_WHEEL_BRAKE = 10.0
 #: Imperfect sensors are awake for this long before the robot is let go [s].
 TIME_HELD_BEFORE = 2.0
 #: The robot fell when its pitch is this far from the reference [rad].
 FALL_ANGLE = math.radians(60.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClimbSettings:
-    """What to climb, and how.
-
-    Attributes:
-        slope: Inclination of the ground [rad].
-        friction_static: mu_s of the ground; None takes the robot's own.
-        speed: Cruising speed along the slope [m/s].
-        thrust: Total thrust of the trim [N]; None chooses one inside all limits.
-        controller: "default" tracks the trim with a terminal cost, "paper" is the paper's MPC measured from the trim,
-            "paper-zero" the paper's with raw inputs in the cost, "lqr" the saturated LQR of the trim, "pid" balances
-            with the wheels alone at the trim's thrust, for flat ground and gentle slopes.
-        duration: [s].
-        start_time: Rest before the robot moves off [s].
-        ramp_time: Time to reach the speed, and to stop [s].
-        hold_time: Rest at the end [s].
-        pitch_error: Initial pitch less the trim's [rad].
-        yaw_error: Initial heading, positive left of uphill [rad].
-        start_position: Of the axle, from the foot of the slope uphill [m].
-        time_step: Integration step of the full model [s].
-        control_period: [s].
-        posture_compensation: Whether the servos are told the trim's holding torques, so that the legs do not sag.
-        plant_errors: How the simulated robot differs from the one that the controllers know.
-        fidelity: What sets actuators and sensors apart from the paper's ideal ones; the default is nothing.
-    """
-
-    slope: float
-    friction_static: float | None = None
-    speed: float = 0.3
-    thrust: float | None = None
-    controller: ControllerName = "default"
-    duration: float = 10.0
-    start_time: float = 0.5
-    ramp_time: float = 1.5
-    hold_time: float = 2.0
-    pitch_error: float = math.radians(5.0)
-    yaw_error: float = math.radians(0.5)
-    start_position: float = 0.6
-    time_step: float = 1e-3
-    control_period: float = 5e-3
-    posture_compensation: bool = True
-    plant_errors: PlantErrors = field(default_factory=PlantErrors)
-    fidelity: Fidelity = field(default_factory=Fidelity)
-
-    def __post_init__(self) -> None:
-        limits: dict[str, tuple[float, float]] = {
-            "slope": (0.0, math.radians(89.0)),
-            "speed": (-2.0, 2.0),
-            "duration": (0.0, 600.0),
-            "pitch_error": (-math.radians(90.0), math.radians(90.0)),
-            "yaw_error": (-math.radians(90.0), math.radians(90.0)),
-        }
-        for name, (low, high) in limits.items():
-            value = getattr(self, name)
-            if not low <= value <= high:
-                angle = name in ("slope", "pitch_error", "yaw_error")
-                shown = [math.degrees(x) if angle else x for x in (value, low, high)]
-                unit = " [deg]" if angle else ""
-                raise InvalidSettingError(f"{name}{unit}", round(shown[0], 6), f"{shown[1]:g} to {shown[2]:g}")
-        if self.friction_static is not None and not 0.0 < self.friction_static <= 10.0:
-            raise InvalidSettingError("friction_static", self.friction_static, "a coefficient above 0, at most 10")
-        if self.thrust is not None and not (math.isfinite(self.thrust) and self.thrust >= 0.0):
-            raise InvalidSettingError("thrust [N]", self.thrust, "a finite force >= 0")
-        if self.controller not in CONTROLLERS:
-            raise InvalidSettingError("controller", self.controller, "one of " + ", ".join(CONTROLLERS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,86 +90,6 @@ class ClimbResult:
     dataset: xarray.Dataset | None
 
 
-def make_controller(
-    name: ControllerName,
-    reduction: Reduction,
-    reference: ReferenceTrajectory,
-    *,
-    friction_static: float,
-    profile: SlopeProfile | None = None,
-) -> BalanceController:
-    """Build a balance controller by its name.
-
-    Args:
-        name: See `ClimbSettings.controller`.
-        reduction: The robot as a pendulum.
-        reference: What to follow.
-        friction_static: mu_s that the constraints assume.
-        profile: The ground ahead by place, which an MPC previews; None takes the reference's slopes by time.
-
-    Returns:
-        The controller.
-    """
-    parameters, thrust_limits = reduction.parameters, (0.0, reduction.thrust_max)
-    if name == "lqr":
-        return LqrController(parameters, reference, thrust_limits=thrust_limits)
-    if name == "pid":
-        return PidController(parameters, reference)
-    if name == "default":
-        settings = MpcSettings(friction_static=friction_static, thrust_limits=thrust_limits)
-    else:
-        settings = MpcSettings.paper(
-            input_reference="zero" if name == "paper-zero" else "trim",
-            friction_static=friction_static,
-            thrust_limits=thrust_limits,
-        )
-    return MpcController(parameters, reference, settings, profile=profile)
-
-
-def make_heading_hold(robot: Robot, reduction: Reduction, trim: Trim) -> HeadingHold:
-    """Heading hold with its poles placed at the trim.
-
-    Args:
-        robot: The robot.
-        reduction: The robot as a pendulum.
-        trim: The equilibrium, with its slope, pitch and speed.
-
-    Returns:
-        The controller.
-    """
-    dynamics = heading_dynamics(robot, reduction, slope=trim.slope, pitch=trim.pitch, speed=trim.speed)
-    gains = heading_gains(
-        yaw_inertia=dynamics.yaw_inertia,
-        track=dynamics.track,
-        wheel_radius=dynamics.wheel_radius,
-        stiffness=dynamics.gravity_stiffness,
-        torque_constant=reduction.parameters.torque_constant,
-        back_emf_constant=reduction.parameters.back_emf_constant,
-        natural_frequency=HEADING_FREQUENCY,
-        damping_ratio=HEADING_DAMPING_RATIO,
-        integral_frequency=HEADING_INTEGRAL_FREQUENCY,
-    )
-    return HeadingHold(gains=gains)
-
-
-def with_rotor_lag(robot: Robot, fidelity: Fidelity) -> Robot:
-    """The robot as its controllers know it: with the rotors' lag, its own or the fidelity's, as a state of their model.
-
-    Args:
-        robot: The robot.
-        fidelity: The plant's.
-
-    Returns:
-        A copy with the time constants that act.
-    """
-    lags = fidelity.rotor_time_constants(robot)
-    thrusters = tuple(
-        dataclasses.replace(thruster, time_constant=float(lag))
-        for thruster, lag in zip(robot.thrusters, lags, strict=True)
-    )
-    return dataclasses.replace(robot, thrusters=thrusters)
-
-
 def prepare_climb(
     robot: Robot, settings: ClimbSettings, *, reduction: Reduction | None = None, trim: Trim | None = None
 ) -> Climb:
@@ -269,7 +110,7 @@ def prepare_climb(
         InvalidSettingError: The durations do not fit together.
     """
     if reduction is None:
-        reduction = reduce_robot(with_rotor_lag(robot, settings.fidelity))
+        reduction = reduce_robot(robot_with_rotor_lag(robot, settings.fidelity))
     parameters = reduction.parameters
     friction = robot.ground.friction_static if settings.friction_static is None else settings.friction_static
     if trim is None:
