@@ -51,7 +51,7 @@ def build_parser(command: str | None) -> argparse.ArgumentParser:
         if name == command:
             module = importlib.import_module(module_name)
             module.add_arguments(subparser)
-            subparser.set_defaults(run=module.run)
+            subparser.set_defaults(run=module.run, parser=subparser)
     return parser
 
 
@@ -66,7 +66,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     command = next((word for word in arguments if word in COMMANDS), None)
-    parsed = build_parser(command).parse_args(arguments)
+    parsed, unknown = build_parser(command).parse_known_args(arguments)
+    if unknown:  # the command's own parser says what it takes; argparse would have the outermost one speak
+        parsed.parser.error("unrecognized arguments: " + " ".join(unknown))
     try:
         return int(parsed.run(parsed))
     except M4Error as error:

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         module = importlib.import_module(module_name)
         kind = kinds.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
         module.add_arguments(kind)
-        kind.set_defaults(run_kind=module.run)
+        kind.set_defaults(run_kind=module.run, parser=kind)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ from m4_dynamics.output import replacing
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["load_map", "save_map"]
+__all__ = ["MAP_FILE", "load_map", "save_map"]
 
 MAP_FILE = "map.nc"
 

@@ -21,10 +21,10 @@ from numpy.typing import ArrayLike
 from m4_dynamics.errors import ResultFileError
 from m4_dynamics.view.three import Command, pack_in_parts
 
-__all__ = ["camera_facts", "offline_page", "rounded", "viewer_program"]
+__all__ = ["PAGE_POLICY", "camera_facts", "offline_page", "rounded", "viewer_program"]
 
-# Nothing may be fetched from anywhere; what runs is in the page.
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+#: Nothing may be fetched from anywhere; what runs is in the page.
+PAGE_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 _FIELD_OF_VIEW = 30.0  # [deg] vertical
 
 
@@ -52,7 +52,7 @@ def offline_page(*, title: str, commands: Sequence[Command], facts: dict[str, An
     program, licences = viewer_program()
     return Template(folder.joinpath("replay.html").read_text(encoding="utf-8")).substitute(
         title=html.escape(title),
-        policy=_POLICY,
+        policy=PAGE_POLICY,
         licences=licences.replace("--", "- -"),
         style=folder.joinpath("scene.css").read_text(encoding="utf-8"),
         viewer=program,

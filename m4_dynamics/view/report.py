@@ -26,6 +26,7 @@ from m4_dynamics import __version__
 from m4_dynamics.robot.robot import Robot
 from m4_dynamics.view.climb_tables import climb_rows
 from m4_dynamics.view.mission_tables import mission_columns, mission_rows
+from m4_dynamics.view.offline_page import PAGE_POLICY
 from m4_dynamics.view.phases import phases_of
 from m4_dynamics.view.report_panels import report_panels
 from m4_dynamics.view.tables import cell
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FigureTable", "climb_figures", "meets", "mission_figures", "report_html"]
 
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 _PACKAGES = ("pin", "proxsuite", "numba", "numpy", "scipy", "meshcat")
 _GOOD = ("climbed", "completed")
 _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
@@ -136,7 +136,7 @@ def report_html(
     if replay is not None:
         replay = replay.replace("</body>", f"<script>\n{part('report_bridge.js')}</script>\n</body>")
     return Template(part("report.html")).substitute(
-        policy=_POLICY,
+        policy=PAGE_POLICY,
         title=html.escape(title),
         conditions="".join(f"<li>{html.escape(fact)}</li>" for fact in _conditions(summary)),
         verdict=html.escape(verdict),
