@@ -4,13 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    import xarray
-
-    from m4_dynamics.feasibility.rollout import RolloutJob
 
 __all__ = ["add_arguments", "run"]
 
@@ -27,10 +20,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--pitch-error", type=float, default=5.0, metavar="DEG", help="initial pitch errors up to this (default: 5)"
     )
     add_sweep_options(parser, duration=4.0, starts="pitch and heading", adaptive="maps of 33 x 33 cells and more")
-    parser.add_argument(
-        "--reports", action="store_true", help="write the report of every cell in which statics and rollouts disagree"
-    )
     add_result_options(parser, folder="runs/map-closed-loop")
+    parser.add_argument(
+        "--reports",
+        action="store_true",
+        help="also write the report of every cell in which statics and rollouts disagree; the page links to it",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
 
     import numpy as np
 
+    from m4_dynamics.cli.map_cells import write_page, write_reports_of_disagreements
     from m4_dynamics.cli.map_options import command_line, parse_axis, run_sweep_job
-    from m4_dynamics.cli.map_replay import write_cell_page
     from m4_dynamics.feasibility.cell import RolloutSettings
     from m4_dynamics.feasibility.closed_loop import closed_loop_dataset, make_job
     from m4_dynamics.feasibility.files import save_map
@@ -86,38 +81,17 @@ def run(args: argparse.Namespace) -> int:
     written = [
         save_map(dataset, args.out / "map.nc"),
         plot_closed_loop(dataset, args.out / "map.png"),
-        write_cell_page(dataset, args.out, robot=args.robot),
+        write_page(dataset, args.out, robot=args.robot),
     ]
+    reports = None
     if args.reports:
-        written += _write_reports(args, job, dataset)
+        reports = write_reports_of_disagreements(dataset, job, args.out, robot=robot, option=args.robot)
     if args.json:
         print(json.dumps(describe_closed_loop(dataset), indent=2, allow_nan=False))
     else:
         console = make_console()
         print_tables(console, closed_loop_tables(dataset))
         print_note(console, "written: " + ", ".join(str(path) for path in (store.path, *written)))
+        if reports is not None:
+            print_note(console, f"reports written: {reports}, linked from {args.out / 'map.html'}")
     return EXIT_OK
-
-
-def _write_reports(args: argparse.Namespace, job: RolloutJob, dataset: xarray.Dataset) -> list[Path]:
-    """Reports of the cells in which statics and rollouts disagree; the map's page then links to them."""
-    import numpy as np
-
-    from m4_dynamics.cli.map_replay import simulate_cell, write_cell, write_cell_page
-    from m4_dynamics.feasibility.cell import CellIndex
-    from m4_dynamics.view.progress import progress_bar
-
-    places = np.argwhere(dataset["disagreement"].transpose("friction", "slope", "thrust").to_numpy() > 0)
-    written: list[Path] = []
-    try:
-        with progress_bar("writing reports", len(places), unit="cells") as advance:
-            for count, (friction, slope, thrust) in enumerate(places.tolist(), start=1):
-                cell = simulate_cell(job, CellIndex(friction, slope, thrust, 0))
-                folder = args.out / cell.folder_name
-                write_cell(cell, folder)
-                written.append(folder)
-                if advance is not None:
-                    advance(count)
-    finally:
-        write_cell_page(dataset, args.out, robot=args.robot)
-    return written

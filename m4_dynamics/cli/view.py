@@ -133,14 +133,13 @@ def _recorded_run(path: Path) -> xarray.Dataset:
 
 def _simulated_cell(args: argparse.Namespace) -> xarray.Dataset:
     """The cell of a map, simulated again."""
-    from m4_dynamics.cli.map_replay import find_cell, simulate_cell
+    from m4_dynamics.cli.map_replay import simulate_cell
     from m4_dynamics.errors import ResultFileError
 
-    job, index = find_cell(
+    cell = simulate_cell(
         args.subject, slope_deg=args.slope, thrust=args.thrust, friction=args.friction, start=args.start or 0,
         robot=args.robot,
     )  # fmt: skip
-    cell = simulate_cell(job, index)
     print(f"{cell.place}; {cell.result.summary.verdict}: {cell.result.summary.reason}", flush=True)
     if cell.result.dataset is None:
         raise ResultFileError(f"nothing was simulated at {cell.place}: {cell.result.summary.reason}")

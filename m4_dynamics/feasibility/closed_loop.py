@@ -131,6 +131,7 @@ def closed_loop_dataset(store: SweepStore, job: RolloutJob, *, command: str = ""
     dataset.attrs.update(
         robot_provenance(job.robot, command=command),
         kind="closed-loop",
+        fingerprint=store.fingerprint,
         settings=json.dumps(job.settings.as_dict()),
         plant=job.settings.plant,
         thrust_max=job.reduction.thrust_max,

@@ -6,6 +6,7 @@ the rollouts that were under way, and a run that resumes does nothing twice.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import shutil
@@ -52,6 +53,12 @@ class SweepStore:
     def size(self) -> int:
         """Number of places."""
         return math.prod(self.shape)
+
+    @property
+    def fingerprint(self) -> str:
+        """Sha256 of kind and identity: what is made from this store can say so, and is not taken for another's."""
+        text = json.dumps([self.kind, self.identity], sort_keys=True)
+        return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
     def read(self) -> _Array:
         """All records; NaN where there is none.

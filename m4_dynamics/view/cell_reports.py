@@ -1,84 +1,85 @@
-"""Reports of single cells, in folders beside the map that they belong to."""
+"""Reports of single cells inside a map's folder: what such a run says of its cell, and how the map's page finds it."""
 
 from __future__ import annotations
 
-import itertools
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
+from urllib.parse import quote
 
-import numpy as np
 import xarray
 
-__all__ = ["CellReport", "cell_folder", "reports_beside"]
+from m4_dynamics.feasibility.cell import CellIndex
 
-_REPORT = "report.html"
+__all__ = ["CellReport", "cell_record", "find_cell_reports"]
+
+_REPORT, _SUMMARY = "report.html", "summary.json"
 
 
-class CellReport(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class CellReport:
     """The report of one cell.
 
     Attributes:
-        slope: [rad].
-        thrust: [N].
-        friction: mu_s.
-        start: Number of the start.
-        verdict: What came of it, as the summary beside the report says; empty without one.
-        link: Where it is, from the map's folder.
+        index: The cell and the number of its start.
+        verdict: How the run ended, on the full model; the map itself may be of the reduced one.
+        folder: Name of the run's folder inside the map's.
     """
 
-    slope: float
-    thrust: float
-    friction: float
-    start: int
+    index: CellIndex
     verdict: str
-    link: str
+    folder: str
+
+    @property
+    def href(self) -> str:
+        """Where it is, as seen from a page in the map's folder."""
+        return f"{quote(self.folder, safe='')}/{_REPORT}"
 
 
-def cell_folder(slope: float, thrust: float, friction: float, start: int) -> str:
-    """Name of the folder of a cell's run.
-
-    Args:
-        slope: [rad].
-        thrust: [N].
-        friction: mu_s.
-        start: Number of the start.
-
-    Returns:
-        The name, inside the map's folder.
-    """
-    return f"cell-{np.degrees(slope):g}-{thrust:g}-{friction:g}-{start}"
-
-
-def reports_beside(dataset: xarray.Dataset, folder: Path) -> tuple[CellReport, ...]:
-    """Reports that there are of a map's cells.
+def cell_record(fingerprint: str, index: CellIndex) -> dict[str, Any]:
+    """What a run's summary says of the cell that it replays.
 
     Args:
-        dataset: A closed-loop map.
-        folder: Its folder.
+        fingerprint: Of the map's store.
+        index: The cell.
 
     Returns:
-        The reports in the order of the cells.
+        An entry of the summary.
     """
-    there = {path.parent.name for path in folder.glob(f"cell-*/{_REPORT}")}
-    if not there:
+    return {"cell": {"map": fingerprint, **index._asdict()}}
+
+
+def find_cell_reports(dataset: xarray.Dataset, folder: Path) -> tuple[CellReport, ...]:
+    """Find the reports in a map's folder that are of this very map.
+
+    A folder may hold runs of a map that has been replaced since: a run counts if its summary names this map's
+    fingerprint. Links to other folders are not followed, since they would break when the map's is moved.
+
+    Args:
+        dataset: A closed-loop map; others have no reports.
+        folder: The map's folder.
+
+    Returns:
+        The reports, in the order of the cells.
+    """
+    fingerprint = dataset.attrs.get("fingerprint")
+    if fingerprint is None:
         return ()
-    order = ("slope", "thrust", "friction")
-    slopes, thrusts, frictions = (np.asarray(dataset[name].to_numpy(), dtype=float) for name in order)
-    reports = []
-    for i, j, k, start in itertools.product(*(range(dataset.sizes[name]) for name in (*order, "start"))):
-        slope, thrust, friction = float(slopes[i]), float(thrusts[j]), float(frictions[k])
-        name = cell_folder(slope, thrust, friction, start)
-        if name in there:
-            verdict = _verdict(folder / name / "summary.json")
-            reports.append(CellReport(slope, thrust, friction, start, verdict, f"{name}/{_REPORT}"))
-    return tuple(reports)
-
-
-def _verdict(summary: Path) -> str:
-    """The verdict in a summary; empty if there is no such file, or it is none."""
-    try:
-        content = json.loads(summary.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return ""
-    return str(content.get("verdict", "")) if isinstance(content, dict) else ""
+    sizes = CellIndex(*(dataset.sizes[name] for name in CellIndex._fields))
+    found = []
+    for summary in folder.glob(f"*/{_SUMMARY}"):
+        run = summary.parent
+        if run.is_symlink() or not (run / _REPORT).is_file():
+            continue
+        try:
+            facts = json.loads(summary.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            continue  # not a run's, or only half copied: nothing says what the report is of
+        match facts:
+            case {
+                "verdict": str(verdict),
+                "cell": {"map": str(of), "friction": int(m), "slope": int(i), "thrust": int(j), "start": int(n)},
+            } if of == fingerprint and all(0 <= k < size for k, size in zip((m, i, j, n), sizes, strict=True)):
+                found.append(CellReport(CellIndex(m, i, j, n), verdict, run.name))
+    return tuple(sorted(found, key=lambda one: (one.index, one.folder)))

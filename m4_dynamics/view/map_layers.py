@@ -1,4 +1,4 @@
-"""What the page of a map shows: classes of cells over two axes, one sheet for each value of a slider."""
+"""What the page of a map shows: cells with a class each, over two axes, one sheet for each value of a third."""
 
 from __future__ import annotations
 
@@ -10,19 +10,18 @@ import xarray
 from m4_dynamics.errors import InvalidSettingError
 from m4_dynamics.feasibility.attraction_rollout import OUTCOMES
 from m4_dynamics.feasibility.cell import VERDICTS
-from m4_dynamics.feasibility.disagreement import EFFECT_LABELS, Effect
 from m4_dynamics.feasibility.limits import LIMIT_LABELS, Limit
 from m4_dynamics.feasibility.static import best_branch
 from m4_dynamics.view.map_style import LIMIT_COLOURS, OUTCOME_COLOURS, VERDICT_COLOURS
 
-__all__ = ["Axis", "Layout", "hover_text", "map_layout"]
+__all__ = ["MapAxis", "MapLayout", "map_layout"]
 
 #: Every cell carries its figures as text: of larger maps the page shows every second cell, every third, ...
 _CELLS_MAX = 24_000
 _FEASIBLE = "#FFFFFF"
 
 
-class Axis(NamedTuple):
+class MapAxis(NamedTuple):
     """An axis of the page: the map's dimension, its label, its factor from SI units, and its name in a sentence."""
 
     name: str
@@ -32,33 +31,34 @@ class Axis(NamedTuple):
     unit: str
 
 
-class Layout(NamedTuple):
+class MapLayout(NamedTuple):
     """What a page shows: cells with a class each, over x and y, one sheet for each value of the slider."""
 
     cells: xarray.Dataset
     heading: str
-    x: Axis
-    y: Axis
-    slider: Axis
+    x: MapAxis
+    y: MapAxis
+    slider: MapAxis
 
 
 _DEGREES = 180.0 / np.pi
-_SLOPE = Axis("slope", "slope [deg]", _DEGREES, "slope", "deg")
-_THRUST = Axis("thrust", "total thrust [N]", 1.0, "thrust", "N")
-_FRICTION = Axis("friction", "friction μₛ ", 1.0, "friction", "")
-_PITCH = Axis("pitch_error", "initial pitch less the equilibrium's [deg]", _DEGREES, "pitch", "deg")
-_RATE = Axis("pitch_rate", "initial pitch rate [deg/s]", _DEGREES, "pitch rate", "deg/s")
-_SPEED = Axis("wheel_speed", "initial speed of the wheels [m/s] ", 1.0, "wheels", "m/s")
+_SLOPE = MapAxis("slope", "slope [deg]", _DEGREES, "slope", "deg")
+_THRUST = MapAxis("thrust", "total thrust [N]", 1.0, "thrust", "N")
+_FRICTION = MapAxis("friction", "friction μₛ ", 1.0, "friction", "")
+_PITCH = MapAxis("pitch_error", "initial pitch less the equilibrium's [deg]", _DEGREES, "pitch", "deg")
+_RATE = MapAxis("pitch_rate", "initial pitch rate [deg/s]", _DEGREES, "pitch rate", "deg/s")
+_SPEED = MapAxis("wheel_speed", "initial speed of the wheels [m/s] ", 1.0, "wheels", "m/s")
 
 
-def map_layout(dataset: xarray.Dataset) -> Layout:
-    """What a map's page shows.
+def map_layout(dataset: xarray.Dataset) -> MapLayout:
+    """Lay a map out for its page.
 
     Args:
-        dataset: A static or closed-loop map, or a region of attraction.
+        dataset: A static or closed-loop map, or a region of attraction; of a static one the first posture and the
+            fastest speed are shown, and of a large one every second cell, every third, ...
 
     Returns:
-        The cells and their axes.
+        The layout.
 
     Raises:
         InvalidSettingError: The dataset is no map that has a page.
@@ -66,12 +66,14 @@ def map_layout(dataset: xarray.Dataset) -> Layout:
     kind = dataset.attrs.get("kind")
     if kind == "static":
         heading = "Where the robot can climb, and what stops it elsewhere"
-        return Layout(_static_layers(_thinned(dataset)), heading, _SLOPE, _THRUST, _FRICTION)
+        return MapLayout(_static_layers(_thinned(dataset)), heading, _SLOPE, _THRUST, _FRICTION)
     if kind == "closed-loop":
-        return Layout(_closed_loop_layers(dataset), "Where the robot climbs in closed loop", _SLOPE, _THRUST, _FRICTION)
+        return MapLayout(
+            _closed_loop_layers(dataset), "Where the robot climbs in closed loop", _SLOPE, _THRUST, _FRICTION
+        )
     if kind == "attraction":
         heading = f"From where the robot comes back to its equilibrium on {np.degrees(dataset.attrs['slope']):.4g}°"
-        return Layout(_attraction_layers(dataset), heading, _PITCH, _RATE, _SPEED)
+        return MapLayout(_attraction_layers(dataset), heading, _PITCH, _RATE, _SPEED)
     raise InvalidSettingError("kind of map", kind, "static, closed-loop or attraction")
 
 
@@ -111,60 +113,3 @@ def _attraction_layers(dataset: xarray.Dataset) -> xarray.Dataset:
     layers = dataset.assign({"class": dataset["outcome"].max("start")})
     layers.attrs.update(classes=[str(one) for one in OUTCOMES], colours=[OUTCOME_COLOURS[one] for one in OUTCOMES])
     return layers
-
-
-#: Figure -> (label, factor, format); those that a map does not have are left out.
-_TEXT = {
-    "pitch": ("pitch [deg]", 180.0 / np.pi, ".1f"),
-    "duty": ("duty", 1.0, ".2f"),
-    "friction_force": ("friction force [N]", 1.0, ".1f"),
-    "normal_force": ("normal force [N]", 1.0, ".1f"),
-    "friction_needed": ("friction needed", 1.0, ".3f"),
-    "power": ("power [W]", 1.0, ".0f"),
-    "margin_torque": ("torque to spare [N m]", 1.0, ".2f"),
-    "margin_motor_speed": ("wheel speed to spare [rad/s]", 1.0, ".1f"),
-    "margin_clearance": ("clearance to spare [m]", 1.0, ".3f"),
-    "settling_time": ("back after [s]", 1.0, ".2f"),
-    "pitch_excursion": ("farthest pitch [deg]", 180.0 / np.pi, ".1f"),
-    "axle_excursion": ("farthest axle [m]", 1.0, ".2f"),
-    "slip_time": ("slip [s]", 1.0, ".2f"),
-    "climbed": ("climbed [m]", 1.0, ".2f"),
-    "wheel_rms": ("wheel error, RMS [m]", 1.0, ".3f"),
-    "duty_saturated": ("at full duty [s]", 1.0, ".2f"),
-    "solver_failures": ("solver failures", 1.0, ".0f"),
-    "friction_used": ("friction used", 1.0, ".2f"),
-}
-
-
-def hover_text(one: xarray.Dataset, layout: Layout) -> np.ndarray:
-    """What is told of the cell under the pointer.
-
-    Args:
-        one: One sheet.
-        layout: The layout that it belongs to.
-
-    Returns:
-        Text of every cell, shape (y, x).
-    """
-    over, across = layout.y.name, layout.x.name
-    x, y = (axis.factor * one[axis.name].to_numpy() for axis in (layout.x, layout.y))
-    names = one.attrs["classes"]
-    classes = one["class"].transpose(over, across).to_numpy()
-    figures = []
-    for name, (label, factor, form) in _TEXT.items():
-        if name not in one:
-            continue
-        values = one[name]
-        if "start" in values.dims:
-            values = values.isel(start=0)
-        figures.append((label, form, factor * values.transpose(over, across).to_numpy()))
-    effects = one["disagreement"].transpose(over, across).to_numpy() if "disagreement" in one else None
-    text = np.empty(classes.shape, dtype=object)
-    for (j, i), code in np.ndenumerate(classes):
-        lines = [f"<b>{names[int(code)] if code >= 0 else 'not done yet'}</b>"]
-        lines.append(f"{layout.x.words} {x[i]:.2f} {layout.x.unit}, {layout.y.words} {y[j]:.2f} {layout.y.unit}")
-        lines += [f"{label}: {values[j, i]:{form}}" for label, form, values in figures if np.isfinite(values[j, i])]
-        if effects is not None and effects[j, i]:
-            lines.append(f"statics disagree: {EFFECT_LABELS[Effect(int(effects[j, i]))]}")
-        text[j, i] = "<br>".join(lines)
-    return text

@@ -10,7 +10,6 @@ import pytest
 
 from m4_dynamics.cli.main import main
 from m4_dynamics.feasibility.files import load_map
-from m4_dynamics.view.cell_reports import cell_folder
 
 SMALL = ("--slope", "10:50:3", "--thrust", "4,16,40", "--plant", "mip", "--workers", "0")
 
@@ -24,7 +23,6 @@ def test_map_is_written_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "map.html").read_text()
     assert "Plotly.newPlot" in page
-    assert "report.html" not in page
     assert "cdn" not in page.split("<body>")[0].lower()
     dataset = load_map(tmp_path)
     assert dataset.attrs["plant"] == "mip"
@@ -66,14 +64,12 @@ def test_from_a_cell_to_its_replay(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(["map", "replay", str(tmp_path), "--slope", "31", "--thrust", "15"]) == 0
     assert "cell at 30 deg, 16 N" in capsys.readouterr().out
     folder = tmp_path / "cell-30-16-0.8-0"
-    assert (folder / "report.html").is_file()
     assert (folder / "viewer.html").stat().st_size > 100_000
     summary = json.loads((folder / "summary.json").read_text())
     dataset = load_map(tmp_path).sel(thrust=16.0).isel(slope=1, friction=0, start=0)
     assert summary["slope_deg"] == pytest.approx(30.0)
     assert math.radians(summary["pitch_error_deg"]) == pytest.approx(float(dataset["pitch_error"]))
     assert summary["verdict"] == "climbed"
-    assert 'href="cell-30-16-0.8-0/report.html"' in (tmp_path / "map.html").read_text(encoding="utf-8")
 
     assert main(["map", "replay", str(tmp_path), "--slope", "30", "--thrust", "40"]) == 2
     assert "nothing to replay" in capsys.readouterr().err
@@ -81,26 +77,6 @@ def test_from_a_cell_to_its_replay(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "on the map, 10 to 50" in capsys.readouterr().err
     assert main(["map", "replay", str(tmp_path / "nowhere"), "--slope", "30", "--thrust", "16"]) == 2
     assert "there is no store" in capsys.readouterr().err
-
-
-def test_reports_of_the_cells_in_which_statics_and_rollouts_disagree(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    # A pitch error of 30 deg is more than some cells bear whose equilibrium is within all limits.
-    options = ["--slope", "20,45", "--thrust", "4,20", "--pitch-error", "30", "--seed", "2", "--plant", "mip"]
-    assert main(["map", "closed-loop", *options, "--workers", "0", "--reports", "--out", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    dataset = load_map(tmp_path)
-    apart = dataset["disagreement"].where(dataset["disagreement"] > 0).stack(cell=("slope", "thrust", "friction"))
-    apart = apart.dropna("cell")
-    names = {cell_folder(*(float(value) for value in place), 0) for place in apart["cell"].to_numpy()}
-    assert 1 <= len(names) < 4
-    assert {path.name for path in tmp_path.glob("cell-*")} == names
-    page = (tmp_path / "map.html").read_text(encoding="utf-8")
-    for name in names:
-        assert (tmp_path / name / "report.html").stat().st_size > 100_000
-        assert f'href="{name}/report.html"' in page
-        assert name in said.replace("\n", "")
 
 
 def test_an_unknown_option_is_refused_by_the_kind_of_map_that_got_it(capsys: pytest.CaptureFixture[str]) -> None:

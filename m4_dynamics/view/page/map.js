@@ -1,34 +1,46 @@
 "use strict";
-const content = JSON.parse(document.getElementById("content").textContent);
-const plot = document.getElementById("map");
-const said = document.getElementById("cell");
+// A click on a cell: links to its reports, and the commands that make one or show the cell in 3D.
+const map = JSON.parse(document.getElementById("map-cells").textContent);
 
-function code(command) {
-  const words = document.createElement("code");
-  words.textContent = command;
-  return words;
+const nearest = (values, wanted) =>
+  values.reduce((best, value, k) => (Math.abs(value - wanted) < Math.abs(values[best] - wanted) ? k : best), 0);
+
+function line(...parts) {
+  const paragraph = document.createElement("p");
+  paragraph.append(...parts);
+  return paragraph;
+}
+
+function command(words, place) {
+  const code = document.createElement("code");
+  code.textContent = `m4 ${words} ${map.subject}${place.map(([name, value]) => ` --${name} ${+value.toPrecision(8)}`).join("")}`;
+  return code;
 }
 
 function link(report) {
   const anchor = document.createElement("a");
-  anchor.href = report.link;
-  anchor.textContent = `report (${report.label})`;
+  anchor.href = report.href;
+  anchor.textContent = report.words;
   return anchor;
 }
 
-const near = (a, b) => Math.abs(a - b) <= 1e-6 * Math.max(1, Math.abs(a));
-
-if (content.arguments !== null) {
-  said.textContent = "Click a cell for its report, or for the command that makes one.";
-  plot.on("plotly_click", (event) => {
-    const at = event.points[0];
-    const friction = content.frictions[plot.layout.sliders[0].active];
-    const place = Object.entries({ slope: at.x, thrust: at.y, friction })
-      .map(([name, value]) => ` --${name} ${+value.toPrecision(8)}`).join("");
-    const there = content.reports.filter((one) => near(one.x, at.x) && near(one.y, at.y) && near(one.friction, friction));
-    const ways = there.length
-      ? there.flatMap((one) => [link(one), ", "])
-      : ["make the report: ", code(`m4 map replay ${content.arguments}${place}`), ", "];
-    said.replaceChildren("This cell: ", ...ways, "see it in 3D: ", code(`m4 view ${content.arguments}${place}`));
-  });
+function show(sheet, row, column) {
+  const [slope, thrust, friction] = [map.slopes[column], map.thrusts[row], map.frictions[sheet]];
+  const strong = document.createElement("strong");
+  strong.textContent = `${+slope.toPrecision(4)}°, ${+thrust.toPrecision(4)} N, μₛ ${+friction.toPrecision(4)}`;
+  const lines = [line(strong)];
+  const start = map.starts[sheet][row][column]; // the one that ended worst; null without an equilibrium
+  if (start === null) lines.push(line("No equilibrium to start from: there is nothing to replay."));
+  else {
+    const place = [["slope", slope], ["thrust", thrust], ["friction", friction]];
+    if (start > 0) place.push(["start", start]);
+    const reports = map.reports.filter((one) => one.sheet === sheet && one.row === row && one.column === column);
+    lines.push(reports.length ? line("Report: ", ...reports.map(link)) : line("Write its report: ", command("map replay", place)));
+    lines.push(line("Look at it in 3D: ", command("view", place)));
+  }
+  document.getElementById("cell").replaceChildren(...lines);
 }
+
+const plot = document.getElementById("plot");
+plot.on("plotly_click", ({ points: [at] }) =>
+  show(plot.layout.sliders[0].active, nearest(map.thrusts, at.y), nearest(map.slopes, at.x)));
