@@ -59,7 +59,7 @@ class Opened:
         )
 
     def click(self, x: float, y: float, cell: str) -> None:
-        """Click a place on the axes as a hand does: plotly takes the cell that the pointer has been over."""
+        """Click a place on the axes as a hand does: plotly takes the cell that the pointer rests on."""
         self.page.mouse.move(*self.at(x, y))
         self.page.locator(".hovertext", has_text=cell).wait_for()
         self.page.mouse.click(*self.at(x, y))

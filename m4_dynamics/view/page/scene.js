@@ -1,5 +1,8 @@
 "use strict";
 const viewer = new MeshCat.Viewer(document.getElementById("pane"));
+// A screen reader meets the canvas as a picture with a name; what it shows in figures stands in the cards.
+viewer.renderer.domElement.setAttribute("role", "img");
+viewer.renderer.domElement.setAttribute("aria-label", `3D picture: ${document.title}`);
 
 // What the legend switches is shown or hidden by three.js itself: nothing of it is an animation's business.
 const PICTURES = {
