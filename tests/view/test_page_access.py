@@ -53,7 +53,10 @@ LOW_CONTRAST = """(backdrops) => {
   // What a gradient's stops are drawn over counts too: each stop is one more backdrop.
   const behind = (element) => {
     const layers = [];
-    for (let at = element; at; at = at.parentElement) layers.unshift(getComputedStyle(at));
+    for (let at = element; at; at = at.parentElement) {
+      layers.unshift(getComputedStyle(at));
+      if (at.matches(".card, .label")) break; // it floats over the scene, which hides the page's own ground
+    }
     let grounds = backdrops.map(parse);
     for (const style of layers) {
       const colour = parse(style.backgroundColor);
@@ -116,7 +119,7 @@ CLICKABLE = """() => {
   return { count: all.length, others: invites.map((one) => one.outerHTML.slice(0, 120)) };
 }"""
 
-#: Where the focus is, and whether it shows: an outline of at least 2 px that stands out from what is around it.
+#: Where the focus is, and whether it shows: an outline of at least 2 px.
 FOCUSED = """() => {
   const one = document.activeElement;
   const style = getComputedStyle(one);
