@@ -67,13 +67,19 @@ def simulate(job: RolloutJob, index: CellIndex, *, robot: Robot, fingerprint: st
     Raises:
         NoTrimExists: The cell has no equilibrium to start from.
         M4Error: It cannot be simulated.
+        KeyboardInterrupt: The climb was interrupted.
     """
     from m4_dynamics.feasibility.rollout import replay_cell
+    from m4_dynamics.simulation.verdict import Verdict
 
     slope, thrust, ground = _place(job, index)
+    result = replay_cell(job, index, attributes={"command": command})
+    if result.summary.verdict == Verdict.ABORTED and "interrupted" in result.summary.reason:
+        # A climb keeps what it has when it is interrupted; half a run would pass for the cell's.
+        raise KeyboardInterrupt
     return SimulatedCell(
         robot=robot,
-        result=replay_cell(job, index, attributes={"command": command}),
+        result=result,
         index=index,
         fingerprint=fingerprint,
         place=f"cell at {slope:g} deg, {thrust:g} N, friction {ground:g}, start {index.start}",
@@ -197,9 +203,6 @@ def write_reports_of_disagreements(
                     cell = simulate(job, index, robot=robot, fingerprint=fingerprint, command=command)
                 except NoTrimExists:
                     continue
-                if "interrupted" in cell.result.summary.reason:
-                    # A climb keeps what it has when it is interrupted; half a run would pass for the cell's.
-                    raise KeyboardInterrupt
                 write_cell(cell, folder / cell.folder_name)
                 written += 1
     finally:

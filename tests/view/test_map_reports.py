@@ -15,6 +15,7 @@ import xarray
 from m4_dynamics.cli.main import main
 from m4_dynamics.feasibility.cell import CellIndex
 from m4_dynamics.feasibility.files import load_map
+from m4_dynamics.simulation.balance import BalanceLoop
 from m4_dynamics.view.cell_reports import cell_record, find_cell_reports
 from m4_dynamics.view.map_page import write_map_page
 
@@ -243,3 +244,23 @@ def test_an_interrupt_leaves_whole_reports_and_a_page_that_links_to_them(
     assert {path.name for path in tmp_path.iterdir()} == {
         "map.zarr", "map.nc", "map.png", "map.html", report.folder
     }  # fmt: skip
+
+
+def test_an_interrupted_replay_leaves_no_report_of_half_a_run(
+    folder: Path, made: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(made / "map.zarr", folder / "map.zarr")
+    real, steps = BalanceLoop.advance, []
+
+    def hundredth_time(loop: BalanceLoop) -> None:
+        steps.append(loop)
+        if len(steps) == 100:
+            raise KeyboardInterrupt
+        real(loop)
+
+    monkeypatch.setattr(BalanceLoop, "advance", hundredth_time)
+    before = (folder / "map.html").read_bytes()
+    assert main(["map", "replay", str(folder), "--slope", "30", "--thrust", "16"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert list(folder.glob("cell-*")) == []
+    assert (folder / "map.html").read_bytes() == before
