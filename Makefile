@@ -35,8 +35,8 @@ help:  ## list the targets
 demo: $(HAS_PROJECT)  ## install what is needed, climb a 45 degree slope, write plots and a 3D replay
 	$(BIN)/m4 wair --slope 45 --out $(DEMO_OUT)
 	@echo
-	@echo "Look into $(DEMO_OUT): viewer.html (3D replay, opens in a browser), states.png, ground_forces.png,"
-	@echo "summary.json, trajectory.nc. More: $(BIN)/m4 --help"
+	@echo "Open $(DEMO_OUT)/report.html in a browser: verdict, figures, plots and the 3D replay (alone: viewer.html)."
+	@echo "As numbers: summary.json, trajectory.nc. More: $(BIN)/m4 --help"
 
 install: $(HAS_PROJECT)  ## install the locked dependencies and the project into .venv
 

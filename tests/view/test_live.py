@@ -57,6 +57,9 @@ def test_pixels_move_while_it_runs_and_the_run_stays_the_same(
         page = browser.new_page(viewport={"width": 900, "height": 640})
         page.on("console", lambda message: messages.append(message.text))
         page.on("pageerror", lambda error: messages.append(str(error)))
+        page.on(
+            "request", lambda asked: None if asked.url.startswith((view.url, "data:")) else messages.append(asked.url)
+        )
         page.goto(view.url)
         assert view.wait_for_viewer(10.0)
         started = time.monotonic()
