@@ -86,3 +86,17 @@ def test_a_robot_that_is_not_there_is_named(
         run(name, monkeypatch, "nowhere.toml")
     assert caught.value.code == 2
     assert "nowhere.toml: no such file" in capsys.readouterr().err
+
+
+def test_joints_sketch(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    run("joints_sketch.py", monkeypatch, str(tmp_path / "joints.png"))
+    assert (tmp_path / "joints.png").read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
+    for options, message in (
+        (["--posture", "headstand"], "headstand"),
+        (["--robot", str(GALLERY / "robots" / "two_wheeler.toml")], "no thrusters"),
+    ):
+        with pytest.raises(SystemExit) as stopped:
+            run("joints_sketch.py", monkeypatch, str(tmp_path / "no.png"), *options)
+        assert stopped.value.code == 2
+        assert message in capsys.readouterr().err
