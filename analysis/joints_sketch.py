@@ -109,8 +109,8 @@ def draw(axes: Axes, robot: Robot, posture: str) -> None:
     heights = np.linspace(top - 0.12 * (top - bottom), bottom + 0.12 * (top - bottom), len(words))
     for (word, colour, named), height in zip(words, heights, strict=True):
         axes.annotate(
-            word, xy=tuple(named), xytext=(right - 0.01, height), color=INK, fontsize=10, va="center", ha="right", zorder=9,
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 1.2, "shrinkA": 2, "shrinkB": 1},
+            word, xy=tuple(named), xytext=(right - 0.01, height), color=INK, fontsize=10, va="center", ha="right",
+            zorder=9, arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 1.2, "shrinkA": 2, "shrinkB": 1},
         )  # fmt: skip
 
 
